@@ -12,7 +12,7 @@ CARGO ?= cargo
 OUT ?= out/demo
 # Seconds that `make fuzz` spends on each target.
 FUZZ_SECONDS ?= 60
-FUZZ_TARGETS := scene definition heightmap texture cache
+FUZZ_TARGETS := scene definition heightmap material openexr texture cache
 
 # Mesa's drivers print a warning if XDG_RUNTIME_DIR is not set, so it is set to a private folder.
 ifeq ($(strip $(XDG_RUNTIME_DIR)),)

@@ -7,7 +7,7 @@
 
 use std::fmt::Display;
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 use eframe::egui;
@@ -16,7 +16,8 @@ use experiments::judge;
 use experiments::store::{Manifest, table};
 use kernels::base::document;
 use kernels::decode::heightmap::{self, ReadOptions};
-use kernels::materials::folder;
+use kernels::decode::openexr;
+use kernels::materials::folder::{self, Convention, Reading};
 use kernels::scene::{self, Scene};
 use workbench::model::kept::{Kept, Refused};
 use workbench::model::places::Recorded;
@@ -58,39 +59,106 @@ pub fn definition(bytes: &[u8]) -> bool {
     is_whole
 }
 
-/// Reads a heightmap. Its first bytes determine the format.
+/// Reads a heightmap in several ways. Its first bytes determine the format.
 pub fn heightmap(bytes: &[u8]) -> bool {
-    let name = match bytes {
-        [0x89, b'P', b'N', b'G', ..] => "fuzz.png",
-        [0x76, 0x2f, 0x31, 0x01, ..] => "fuzz.exr",
-        [b'I', b'I', ..] | [b'M', b'M', ..] => "fuzz.tif",
-        _ => "fuzz.raw",
+    let names: &[&str] = match bytes {
+        [0x89, b'P', b'N', b'G', ..] => &["fuzz.png"],
+        [0x76, 0x2f, 0x31, 0x01, ..] => &["fuzz.exr"],
+        [b'I', b'I', ..] | [b'M', b'M', ..] => &["fuzz.tif"],
+        _ => &["fuzz.raw", "fuzz.r32"],
     };
-    let options = ReadOptions { height_range_m: Some([-500.0, 9000.0]), ..ReadOptions::default() };
-    let read = |options: &ReadOptions| told(heightmap::decode(Cursor::new(bytes), Path::new(name), options));
-    let corner = read(&ReadOptions { window: Some([1, 0, 2, 3]), raw_size: Some([4, 3]), raw_big_endian: true, ..options.clone() });
-    let whole = read(&options);
-    for map in corner.iter().chain(&whole) {
+    let is_raw = names.len() > 1;
+    let range = Some([-500.0, 9000.0]);
+    let unspaced =
+        ReadOptions { voids: heightmap::Voids::Holes, no_data: heightmap::NoData::Named(vec![0.0, -9999.0]), ..ReadOptions::default() };
+    let spaced = ReadOptions { metres_per_texel: Some(1.0), ..ReadOptions::default() };
+    let ways = [
+        ReadOptions { height_range_m: range, ..spaced.clone() },
+        ReadOptions { voids: heightmap::Voids::Fill, ..spaced.clone() },
+        ReadOptions { height_range_m: range, ..unspaced.clone() },
+        ReadOptions {
+            window: Some([1, 0, 2, 3]),
+            raw_size: is_raw.then_some([4, 3]),
+            raw_big_endian: is_raw,
+            height_range_m: range,
+            no_data: heightmap::NoData::Nothing,
+            ..spaced
+        },
+        unspaced,
+    ];
+    let mut is_accepted = false;
+    for (name, options) in names.iter().flat_map(|name| ways.iter().map(move |options| (name, options))) {
+        let Some(reading) = told(heightmap::decode(Cursor::new(bytes), Path::new(name), options)) else { continue };
+        let map = &reading.map;
         assert_eq!(map.samples.len(), map.width as usize * map.height as usize);
         assert!(map.samples.iter().all(|s| s.is_finite()) && map.max_slope().is_finite(), "{map:?}");
+        assert!(map.metres_per_texel > 0.0 && map.metres_per_texel <= 1e5, "{}", map.metres_per_texel);
+        assert!(reading.holes.iter().all(|&[column, row]| column < map.width && row < map.height));
+        reading.report.to_string().lines().for_each(is_told);
+        is_accepted = true;
     }
-    whole.is_some() || corner.is_some()
+    is_accepted
 }
 
-/// Reads a texture of a material, and a picture for `compare`.
-pub fn texture(bytes: &[u8]) -> bool {
-    let map = told(folder::Image::decode(Cursor::new(bytes), Path::new(NAME)));
-    if let Some(map) = &map {
+/// Reads a map of a material in every way in which it may be meant, and sorts the lines of a text as names of files.
+pub fn material(bytes: &[u8]) -> bool {
+    let mut is_accepted = false;
+    for reading in [
+        Reading::Colour,
+        Reading::Normal(Convention::OpenGl),
+        Reading::Normal(Convention::DirectX),
+        Reading::Height(None),
+        Reading::Height(Some(2)),
+        Reading::Share { channel: None, inverted: true },
+        Reading::Share { channel: Some(1), inverted: false },
+    ] {
+        // TGA files have no signature. With this extension, everything that is no other image is read as TGA.
+        let Some(map) = told(folder::read(Cursor::new(bytes), Path::new("fuzz.tga"), reading)) else { continue };
         assert!(map.edge > 0 && map.texels.len() == map.edge * map.edge);
-        assert!(map.texels.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "a texel is outside 0..1");
+        let lowest = if matches!(reading, Reading::Normal(_)) { -1.0001 } else { -1e-6 };
+        assert!(map.texels.iter().flatten().all(|c| (lowest..=1.0001).contains(c)), "a value is out of range: {reading:?}");
+        map.remarks.iter().for_each(|line| is_told(line));
+        is_accepted = true;
     }
-    let picture = told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), None));
-    told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), Some("albedo")));
-    if let Some(picture) = &picture {
-        assert_eq!(picture.texels.len(), picture.size[0] as usize * picture.size[1] as usize);
+    let text = String::from_utf8_lossy(bytes);
+    let files: Vec<PathBuf> = text.lines().map(|name| Path::new(NAME).join(name)).collect();
+    for set in folder::sort_out(&files).sets {
+        told(set.choose(Path::new(NAME), &files));
+    }
+    is_accepted
+}
+
+/// Reads a picture for `compare`.
+pub fn texture(bytes: &[u8]) -> bool {
+    let pictures = [None, Some("albedo")].map(|layer| told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), layer)));
+    for picture in pictures.iter().flatten() {
+        let area = picture.size[0] as usize * picture.size[1] as usize;
+        assert_eq!(picture.texels.len(), area);
+        assert!(picture.alpha.as_ref().is_none_or(|alpha| alpha.len() == area), "alpha has another size");
         assert!(picture.texels.iter().flatten().all(|c| c.is_finite()), "a texel is not finite");
+        let side = judge::Side { file: Path::new(NAME), image: picture };
+        judge::notes(side, side, None, &judge::Metric::ALL).iter().for_each(|note| is_told(&note.text));
+        assert!(judge::check_windows(side, side, None).is_ok(), "a picture cannot be laid on itself");
     }
-    map.is_some() || picture.is_some()
+    pictures.iter().any(Option::is_some)
+}
+
+/// Reads all parts of an OpenEXR file.
+pub fn openexr(bytes: &[u8]) -> bool {
+    let Some(parts) = told(openexr::read(Cursor::new(bytes), 4096)) else { return false };
+    assert!(!parts.is_empty() && parts.iter().all(|part| !part.channels.is_empty()), "a part has no channel");
+    for part in &parts {
+        let [width, height] = part.data_window.size.map(|n| n as usize);
+        assert!((1..=4096).contains(&width) && (1..=4096).contains(&height), "{}", part.data_window);
+        for channel in &part.channels {
+            assert_eq!(channel.samples.len(), width * height);
+            assert!(part.channel(&channel.name).is_some_and(|found| found.name == channel.name), "{:?} is not found", channel.name);
+        }
+        if let Some(stated) = part.chromaticities {
+            assert!(stated.to_rec_709().is_none_or(|matrix| matrix.is_finite()), "{stated}");
+        }
+    }
+    true
 }
 
 /// Reads files that the programs write themselves: the table and manifest of a run, the state of the workbench, and a recorded camera path.

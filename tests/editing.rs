@@ -231,7 +231,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     let refused = [
         ("", "type the name of a folder"),
         ("/nowhere/at/all", "cannot read the folder /nowhere/at/all"),
-        (empty.as_str(), "holds no albedo"),
+        (empty.as_str(), "no albedo"),
     ];
     for (path, text) in refused {
         typed(&mut stage, path);

@@ -5,6 +5,14 @@ mod agreement;
 #[cfg(test)]
 mod bad_input;
 #[cfg(test)]
+mod cases_compare;
+#[cfg(test)]
+mod cases_heightmaps;
+#[cfg(test)]
+mod cases_materials;
+#[cfg(test)]
+mod cases_openexr;
+#[cfg(test)]
 mod compare;
 #[cfg(test)]
 mod composition;

@@ -248,6 +248,16 @@ fn heightmaps_are_read_or_refused() {
 }
 
 #[test]
+fn maps_of_materials_are_read_or_refused() {
+    try_all("material", readers::material);
+}
+
+#[test]
+fn parts_of_openexr_are_read_or_refused() {
+    try_all("openexr", readers::openexr);
+}
+
+#[test]
 fn textures_are_read_or_refused() {
     try_all("texture", readers::texture);
 }
@@ -301,7 +311,7 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
     let too_large = [8193, 65_535].map(|edge| ("jpg", jpeg(edge)));
     for (what, bytes) in [8192, 8193, 65_535].map(|edge| ("png", png("texture", "rgb8.png", [4, 4], edge))).into_iter().chain(too_large) {
         let began = Instant::now();
-        assert!(!readers::texture(&bytes) && began.elapsed() < PATIENCE, "{what}: {:?}", began.elapsed());
+        assert!(!readers::texture(&bytes) && !readers::material(&bytes) && began.elapsed() < PATIENCE, "{what}: {:?}", began.elapsed());
     }
     // Tests very long words, and tables that are deeply nested.
     let long = [

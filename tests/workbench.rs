@@ -388,7 +388,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     assert!(folder.0.join("seen").join("seen.toml").is_file() && stage.has("Run seen"), "{:?}", stage.names());
     // If the same name is used again, an error is shown and nothing is overwritten.
     take(&mut stage, "click Save as experiment");
-    assert!(stage.names().iter().any(|name| name.contains("seen exists")), "{:?}", stage.names());
+    assert!(stage.names().iter().any(|name| name.contains("seen already exists")), "{:?}", stage.names());
 
     // The run is stopped in the middle and then resumed.
     take(&mut stage, "click Run seen");

@@ -218,31 +218,53 @@ pub(crate) struct RenderArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Reads 16-bit PNG, 16-bit RAW (little-endian unless --raw-big-endian), OpenEXR and (Geo)TIFF. Row 0 is north.
-Float formats hold metres and need no --height-range; integers need it.
+Reads 16-bit PNG, RAW (.raw, .r16: 16-bit integers; .r32: 32-bit floats), OpenEXR and (Geo)TIFF. Whatever a file says about its samples
+(unit, scale, offset, spacing, orientation, mask, no-data value) is applied, or the file is refused with a remedy. An option that does not apply
+to the file, or contradicts it, is an error. What was understood is printed at the end; --dry-run prints it and writes nothing.
+
+Floats are metres, or lie in 0..1 and are mapped to --height-range. Integers need --height-range, unless a TIFF states their unit or scale.
+A value such as -9999 that the file does not declare, but that usually marks missing data, is refused until --no-data names or excludes it.
 
 Examples:
+  experiments import dem.tif --out dem
+  experiments import dem.tif --no-data -9999 --fill-voids --out dem
   experiments import alps.png --metres-per-texel 10 --height-range 1399,2716 --out alps
   experiments import dump.raw --raw-size 4097x4097 --metres-per-texel 2 --height-range 0,1200 --window 0,0,1025,1025 --out corner")]
 pub(crate) struct ImportArgs {
     /// The heightmap
     #[arg(value_name = "HEIGHTMAP")]
     pub(crate) heightmap: PathBuf,
-    /// Sample spacing, metres
+    /// Sample spacing, metres; not needed if a TIFF states it
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = spacing)]
-    pub(crate) metres_per_texel: f64,
-    /// Elevations of the smallest and largest sample value, metres
+    pub(crate) metres_per_texel: Option<f64>,
+    /// Elevations of the smallest and largest possible integer sample, or of the float samples 0 and 1, metres
     #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = height_range)]
     pub(crate) height_range: Option<[f64; 2]>,
-    /// Folder with one folder of images (albedo, normal, height, roughness) for each material; without this option, materials are procedural
+    /// Folder that holds the images of materials (albedo, normal, height, roughness), in one or more sub-folders; without this option, materials are
+    /// procedural
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
-    /// Width and height of a .raw file; without this option, the file must be square
+    /// Edge of one repeat of all textures, metres; without this option, as the names of folders or files state it, or as is usual
+    #[arg(long, value_name = "M", requires = "materials", allow_hyphen_values = true, value_parser = tile_size)]
+    pub(crate) tile_size: Option<f64>,
+    /// Width and height of a .raw, .r16 or .r32 file; without this option, the file must be square
     #[arg(long, value_name = "WxH", value_parser = raw_size)]
     pub(crate) raw_size: Option<[u32; 2]>,
-    /// The samples of a .raw file are big-endian
+    /// The samples of a .raw, .r16 or .r32 file are big-endian
     #[arg(long)]
     pub(crate) raw_big_endian: bool,
+    /// Channel of an OpenEXR file that holds the heights, with or without part and layer: part.layer.channel
+    #[arg(long, value_name = "NAME")]
+    pub(crate) channel: Option<String>,
+    /// Sample value, as it is stored, that means that there are no data; may be given several times. `none`: each number is ground
+    #[arg(long, value_name = "V|none", allow_hyphen_values = true, value_parser = no_data)]
+    pub(crate) no_data: Vec<NoDataArg>,
+    /// Fill samples without data with a smooth membrane that is fastened to the rim of each gap
+    #[arg(long)]
+    pub(crate) fill_voids: bool,
+    /// Open the ground where samples have no data (at most 512 samples)
+    #[arg(long, conflicts_with = "fill_voids")]
+    pub(crate) holes: bool,
     /// Read only this part: left, top, width, height, in samples
     #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
     pub(crate) window: Option<[u32; 4]>,
@@ -250,13 +272,25 @@ pub(crate) struct ImportArgs {
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true, value_parser = detail)]
     pub(crate) detail: f64,
     /// Folder of the new scene; must be empty or not exist yet
-    #[arg(long, value_name = "SCENE_DIR")]
-    pub(crate) out: PathBuf,
+    #[arg(long, value_name = "SCENE_DIR", required_unless_present = "dry_run")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print what was understood of the files, and write nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+/// A value of --no-data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum NoDataArg {
+    Value(f64),
+    /// Each number is ground.
+    Nothing,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The table is CSV with a header. Columns are found by name; unknown columns are ignored. `probe --list` prints kernels, columns and units.
+The table is CSV with a header, in UTF-8 or in UTF-16 with a byte order mark. Cells are separated by , ; | or tabs; a table with ; may have decimal
+commas. Columns are found by name; unknown columns are ignored. `probe --list` prints kernels, columns and units.
 
 Examples:
   experiments probe --list
@@ -346,7 +380,7 @@ pub(crate) struct CompareArgs {
     /// Metrics, from flip, mse, mrse, psnr, ssim [default: all that are possible for the channels]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = metric)]
     pub(crate) metric: Vec<Metric>,
-    /// Layer to compare in both pictures, such as `albedo` (.exr only) [default: the picture itself]
+    /// Layer to compare in both pictures, such as `albedo` (.exr only) [default: the picture itself, or the only layer with colour]
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,
     /// Compare only terrain pixels, whose alpha in B is 1; elsewhere A is set equal to B before flip and ssim are computed
@@ -424,6 +458,13 @@ impl Cli {
         match &self.command {
             Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
                 Err(("render", "--aov needs an .exr file, because .png files have no layers: change --out".to_owned()))
+            }
+            // Other formats cannot state the spacing, so this mistake is found without opening the file.
+            Command::Import(args) if args.metres_per_texel.is_none() && !["tif", "tiff"].contains(&extension(&args.heightmap).as_str()) => {
+                Err(("import", "--metres-per-texel is missing: only TIFF files state how far apart their samples are".to_owned()))
+            }
+            Command::Import(args) if args.no_data.len() > 1 && args.no_data.contains(&NoDataArg::Nothing) => {
+                Err(("import", "--no-data none excludes other values: give either".to_owned()))
             }
             Command::Stability(args)
                 if !args.only.is_empty() && !args.only.contains(&Part::Kernels) && (args.every_adapter || args.extremes.is_some()) =>
@@ -512,6 +553,18 @@ fn detail(text: &str) -> Result<f64, String> {
     scene_number("world.detail_m", detail)
 }
 
+fn tile_size(text: &str) -> Result<f64, String> {
+    let [edge] = numbers(text, "M")?;
+    if edge > 0.0 && edge <= 1.0e5 { Ok(edge) } else { Err("must be above 0 and at most 100000 m".to_owned()) }
+}
+
+fn no_data(text: &str) -> Result<NoDataArg, String> {
+    if text.eq_ignore_ascii_case("none") {
+        return Ok(NoDataArg::Nothing);
+    }
+    text.trim().parse().map(NoDataArg::Value).map_err(|_| format!("`{text}` is neither a number nor `none`"))
+}
+
 fn height_range(text: &str) -> Result<[f64; 2], String> {
     let [low, high] = numbers(text, "LO,HI")?;
     if low < high { Ok([low, high]) } else { Err("LO must be below HI".to_owned()) }
@@ -572,6 +625,16 @@ mod tests {
         assert_eq!(pose("-1,2.5,3,-90,10"), Ok([-1.0, 2.5, 3.0, -90.0, 10.0]));
         for wrong in ["1,2,3,4", "1,2,3,4,5,6", "nan,0,0,0,0", "0,0,inf,0,0", "0,0,0,0,91", "1e9,0,0,0,0", "a,b,c,d,e"] {
             assert!(pose(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn values_without_data() {
+        assert_eq!(no_data("-9999"), Ok(NoDataArg::Value(-9999.0)));
+        assert_eq!(no_data("-3.4028234663852886e+38"), Ok(NoDataArg::Value(f64::from(f32::MIN))));
+        assert_eq!(no_data("None"), Ok(NoDataArg::Nothing));
+        for wrong in ["", "x", "1,2", "9999m"] {
+            assert!(no_data(wrong).is_err(), "{wrong}");
         }
     }
 

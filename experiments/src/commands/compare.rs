@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::judge::{Content, Image, Metric, Pair, flip};
+use crate::judge::{Content, Image, Metric, Note, Pair, Side, check_windows, flip, notes};
 use anyhow::{Result, bail};
 use kernels::frame::export::write_png_texels;
 use serde::Serialize;
@@ -36,6 +36,9 @@ struct Answer<'a> {
     ssim: Option<Option<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     map: Option<&'a Path>,
+    /// What the files say about their pixels, as far as the metrics depend on it. Absent if there is nothing to say.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<Note>,
 }
 
 #[derive(Serialize)]
@@ -81,6 +84,8 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     } else {
         None
     };
+    let sides = [(&args.test, &test), (&args.reference, &reference)].map(|(file, image)| Side { file, image });
+    check_windows(sides[0], sides[1], mask.as_deref())?;
     let pair = Pair::new(test.size, &test.texels, &reference.texels, mask.as_deref())?;
     let asked = |metric: Metric| metrics.contains(&metric);
     let map = if asked(Metric::Flip) || args.map.is_some() { Some(pair.flip(args.pixels_per_degree)?) } else { None };
@@ -105,6 +110,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
         psnr_db: asked(Metric::Psnr).then(|| Some(pair.psnr()).filter(|db| db.is_finite())),
         ssim: asked(Metric::Ssim).then(|| pair.ssim()),
         map: args.map.as_deref(),
+        notes: notes(sides[0], sides[1], mask.as_deref(), &metrics),
     };
     if args.json { print_json(&answer) } else { print(&table(&answer, &metrics)) }
 }
@@ -134,7 +140,11 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
     let [width, height] = answer.size;
     let which = if answer.terrain_only { "only terrain" } else { "all" };
     let like = if answer.identical { "; the pictures are identical there" } else { "" };
-    let _ = writeln!(text, "pixels     {} of {width}x{height}, {which}{like}\n", answer.pixels);
+    let _ = writeln!(text, "pixels     {} of {width}x{height}, {which}{like}", answer.pixels);
+    for note in &answer.notes {
+        let _ = writeln!(text, "note       {}", note.text);
+    }
+    text.push('\n');
     for metric in metrics {
         let value = match metric {
             Metric::Flip => answer.flip.as_ref().map_or_else(String::new, |flip| number(flip.mean)),

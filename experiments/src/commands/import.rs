@@ -1,14 +1,14 @@
 //! `import`: creates a scene folder from a heightmap.
 
 use anyhow::{Result, bail};
-use kernels::decode::heightmap::ReadOptions;
-use kernels::import::scene_folder;
+use kernels::decode::heightmap::{NoData, ReadOptions, Voids};
+use kernels::import::scene_folder::{self, ImportOptions};
 
 use super::{check_writable, print};
-use crate::cli::ImportArgs;
-use crate::process::watch_interrupts;
+use crate::cli::{ImportArgs, NoDataArg};
+use crate::process::{check_interrupted, watch_interrupts};
 
-/// Writes the scene folder completely or not at all.
+/// Writes the scene folder completely or not at all, and prints what was understood of the files.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     if args.heightmap.is_dir() {
         bail!("{} is a folder: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
@@ -16,32 +16,68 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     if let Some(materials) = &args.materials
         && !materials.is_dir()
     {
-        bail!("there is no folder {}: --materials takes a folder that holds a folder of images per material", materials.display());
+        bail!("there is no folder {}: --materials takes a folder that holds images of materials", materials.display());
     }
     if !args.heightmap.is_file() {
         bail!("there is no file {}: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
     }
-    if args.out.exists() {
-        if !args.out.is_dir() {
-            bail!("{} is a file: give a folder that is empty or does not exist", args.out.display());
+    let out = args.out.as_deref().filter(|_| !args.dry_run);
+    if let Some(out) = out {
+        if out.exists() {
+            if !out.is_dir() {
+                bail!("{} is a file: give a folder that is empty or does not exist", out.display());
+            }
+            if out.read_dir()?.next().is_some() {
+                bail!("{} is not empty: give a folder that is empty or does not exist", out.display());
+            }
         }
-        if args.out.read_dir()?.next().is_some() {
-            bail!("{} is not empty: give a folder that is empty or does not exist", args.out.display());
+        match out.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => check_writable(parent)?,
+            _ => check_writable(std::path::Path::new("."))?,
         }
     }
-    match args.out.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => check_writable(parent)?,
-        _ => check_writable(std::path::Path::new("."))?,
-    }
-    let options = ReadOptions {
-        metres_per_texel: args.metres_per_texel,
-        height_range_m: args.height_range,
-        raw_size: args.raw_size,
-        raw_big_endian: args.raw_big_endian,
-        window: args.window,
-    };
     watch_interrupts()?;
-    scene_folder::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
-    let out = args.out.display();
-    print(&format!("{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"))
+    let understood = scene_folder::examine(&args.heightmap, &options(args))?;
+    let Some(out) = out else {
+        print(&format!("{understood}\n"))?;
+        // What cannot be used is listed above; the error says how to mend it.
+        understood.check()?;
+        return print("dry run: nothing is written\n");
+    };
+    check_interrupted()?;
+    understood.write(out, &|| check_interrupted().is_err())?;
+    let out = out.display();
+    print(&format!(
+        "{understood}\n{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"
+    ))
+}
+
+fn options(args: &ImportArgs) -> ImportOptions {
+    let values = args.no_data.iter().filter_map(|value| match value {
+        NoDataArg::Value(value) => Some(*value),
+        NoDataArg::Nothing => None,
+    });
+    ImportOptions {
+        read: ReadOptions {
+            metres_per_texel: args.metres_per_texel,
+            height_range_m: args.height_range,
+            raw_size: args.raw_size,
+            raw_big_endian: args.raw_big_endian,
+            window: args.window,
+            channel: args.channel.clone(),
+            no_data: match args.no_data.as_slice() {
+                [] => NoData::Stated,
+                given if given.contains(&NoDataArg::Nothing) => NoData::Nothing,
+                _ => NoData::Named(values.collect()),
+            },
+            voids: match (args.fill_voids, args.holes) {
+                (true, _) => Voids::Fill,
+                (false, true) => Voids::Holes,
+                (false, false) => Voids::Refuse,
+            },
+        },
+        materials: args.materials.clone(),
+        tile_m: args.tile_size,
+        detail_m: args.detail,
+    }
 }

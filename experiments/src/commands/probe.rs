@@ -1,17 +1,23 @@
 //! `probe`: evaluates a shared function for each row of a CSV table. Shared functions exist in WGSL and in Rust.
 
+mod text;
+
 use std::fmt::Write as _;
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
+use kernels::base::error::one_line;
 use kernels::base::files::write_whole;
 use kernels::gpu::Gpu;
 use kernels::probe::{Column, PROBES, Probe};
 use serde::Serialize;
 
+use self::text::Text;
 use super::{check_output_file, print, print_json};
 use crate::cli::{On, ProbeArgs};
+
+/// Largest number of characters of a header in an error.
+const HEADER: usize = 200;
 
 #[derive(Serialize)]
 struct Listed {
@@ -27,6 +33,17 @@ struct Table {
     rows: Vec<csv::StringRecord>,
     /// The values of the probe's input columns, row by row. Their order is that of the probe's list of columns.
     values: Vec<f64>,
+    /// In which way the table differs from UTF-8 text with commas between cells and decimal points; empty if in none.
+    differs: Vec<String>,
+}
+
+/// Whether the numbers of a table have decimal points or commas.
+#[derive(Default)]
+struct Decimals {
+    /// The first line with a decimal point.
+    point: Option<u64>,
+    /// The first line with a decimal comma.
+    comma: Option<u64>,
 }
 
 /// Lists the probes, or evaluates one.
@@ -54,7 +71,12 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         On::F32 => in_single(&probe.on_f32(&table.values)),
         On::Gpu => in_single(&probe.on_gpu(&Gpu::new()?, &table.values)?),
     };
-    write(output, probe, &table, &results)
+    write(output, probe, &table, &results)?;
+    if table.differs.is_empty() {
+        return Ok(());
+    }
+    let (read, written) = (input.display(), output.display());
+    print(&format!("{read} was read with {}; {written} has commas between cells and decimal points\n", table.differs.join(", ")))
 }
 
 fn list(json: bool) -> Result<()> {
@@ -79,10 +101,11 @@ fn list(json: bool) -> Result<()> {
 
 fn read(path: &Path, probe: &Probe) -> Result<Table> {
     let name = path.display();
-    let file = File::open(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-    let header = reader.headers().map_err(|error| anyhow!("{name}: {}", explain(&error)))?.clone();
-    let expected = || probe.inputs.iter().map(|column| column.name).collect::<Vec<_>>().join(",");
+    let columns: Vec<&str> = probe.inputs.iter().map(|column| column.name).collect();
+    let text = Text::read(path, &columns)?;
+    let mut reader = csv::ReaderBuilder::new().delimiter(text.delimiter).trim(csv::Trim::All).from_reader(text.body.as_bytes());
+    let header = reader.headers().map_err(|error| anyhow!("{name}: {}", explain(&error, &text)))?.clone();
+    let expected = || columns.join(",");
     if header.is_empty() {
         bail!("{name} is empty: give a header and rows; `{}` takes the columns {}", probe.name, expected());
     }
@@ -90,7 +113,14 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
     for column in probe.inputs {
         let mut found = header.iter().enumerate().filter(|(_, title)| *title == column.name).map(|(place, _)| place);
         let Some(place) = found.next() else {
-            bail!("{name} has no column `{}`: `{}` takes the columns {}", column.name, probe.name, expected());
+            let there: String = one_line(&header.iter().collect::<Vec<_>>().join(", ")).chars().take(HEADER).collect();
+            bail!(
+                "{name} has no column `{}`: separated by {}, its columns are {there}; `{}` takes the columns {}",
+                column.name,
+                text.delimiter_words(),
+                probe.name,
+                expected()
+            );
         };
         if found.next().is_some() {
             bail!("{name} has more than one column `{}`: keep one", column.name);
@@ -100,35 +130,83 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
     if let Some(column) = probe.outputs.iter().find(|column| header.iter().any(|title| title == column.name)) {
         bail!("{name} already has a column `{}`, which is a result of `{}`: rename or remove it", column.name, probe.name);
     }
-    let (mut rows, mut values) = (Vec::new(), Vec::new());
+    let (mut rows, mut values, mut decimals) = (Vec::new(), Vec::new(), Decimals::default());
     for record in reader.records() {
-        let record = record.map_err(|error| anyhow!("{name}: {}", explain(&error)))?;
-        let line = record.position().map_or(0, csv::Position::line);
+        let mut record = record.map_err(|error| anyhow!("{name}: {}", explain(&error, &text)))?;
+        let line = text.lines_before + record.position().map_or(0, csv::Position::line);
+        let mut has_commas = false;
         for &(place, column) in &places {
             let cell = &record[place];
-            let Ok(value) = cell.parse::<f64>() else {
-                let what = if cell.is_empty() { "is empty".to_owned() } else { format!("`{cell}` is not a number") };
-                bail!("{name}, line {line}, column `{}`: {what}: write a number, nan, inf or -inf", column.name);
-            };
+            let at = || format!("{name}, line {line}, column `{}`", column.name);
+            let (value, has_comma) = number(cell, text.delimiter).map_err(|what| anyhow!("{}: {what}", at()))?;
+            decimals.note(cell, has_comma, line).map_err(|what| anyhow!("{name}: {what}"))?;
+            has_commas |= has_comma;
             column.accepts(value).map_err(|what| anyhow!("{name}, line {line}: {what}"))?;
             values.push(value);
+        }
+        if has_commas {
+            let is_number = |place: usize| places.iter().any(|(number, _)| *number == place);
+            let with_points = |(place, cell): (usize, &str)| if is_number(place) { cell.replace(',', ".") } else { cell.to_owned() };
+            record = record.iter().enumerate().map(with_points).collect();
         }
         rows.push(record);
     }
     if rows.is_empty() {
         bail!("{name} has a header and no rows: there is nothing to evaluate");
     }
-    Ok(Table { header, rows, values })
+    let differs = [
+        text.is_utf16.then(|| "UTF-16 text".to_owned()),
+        (text.delimiter != b',').then(|| format!("{} between cells", text.delimiter_words())),
+        decimals.comma.map(|_| "decimal commas".to_owned()),
+    ];
+    Ok(Table { header, rows, values, differs: differs.into_iter().flatten().collect() })
 }
 
-fn explain(error: &csv::Error) -> String {
+/// Reads a number, and says whether it has a decimal comma. Spreadsheets separate cells by `;` where the decimal sign is a comma, so only such tables may
+/// have decimal commas; elsewhere `1,234` may be a large number, too.
+fn number(cell: &str, delimiter: u8) -> Result<(f64, bool), String> {
+    if let Ok(value) = cell.parse() {
+        return Ok((value, false));
+    }
+    let with_point = cell.replacen(',', ".", 1);
+    match with_point.parse() {
+        Ok(value) if delimiter == b';' => Ok((value, true)),
+        Ok(_) => Err(format!("`{cell}` has a decimal comma: write {with_point}, or separate cells by `;`")),
+        Err(_) if cell.is_empty() => Err("is empty: write a number, nan, inf or -inf".to_owned()),
+        Err(_) => Err(format!("`{}` is not a number: write a number, nan, inf or -inf", one_line(cell))),
+    }
+}
+
+impl Decimals {
+    /// Notes which decimal sign a number has.
+    ///
+    /// # Errors
+    /// Other numbers of the table have another one, so one of them may separate thousands.
+    fn note(&mut self, cell: &str, has_comma: bool, line: u64) -> Result<(), String> {
+        if has_comma {
+            self.comma.get_or_insert(line);
+        } else if cell.contains('.') {
+            self.point.get_or_insert(line);
+        }
+        match (self.point, self.comma) {
+            (Some(point), Some(comma)) => {
+                Err(format!("line {point} has a decimal point, and line {comma} a decimal comma: use one of them in the whole table"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn explain(error: &csv::Error, text: &Text) -> String {
     match error.kind() {
         csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
-            let line = pos.as_ref().map_or(0, csv::Position::line);
-            format!("line {line} has {len} cells, but the header has {expected_len}: give a cell for each column")
-        }
-        csv::ErrorKind::Utf8 { pos, .. } => {
-            format!("line {} is not UTF-8 text: give a CSV table in UTF-8", pos.as_ref().map_or(0, csv::Position::line))
+            let line = text.lines_before + pos.as_ref().map_or(0, csv::Position::line);
+            let hint =
+                if text.delimiter == b',' && len > expected_len { "; a decimal comma begins a new cell: write decimal points" } else { "" };
+            format!(
+                "line {line} has {len} cells (separated by {}), but the header has {expected_len}: give a cell for each column{hint}",
+                text.delimiter_words()
+            )
         }
         _ => error.to_string(),
     }

@@ -109,9 +109,10 @@ fn default_temporal() -> Vec<String> {
 pub struct Import {
     /// The heightmap file; a leading `$SCREE_DATA` is replaced by the value of the environment variable.
     pub heightmap: String,
-    /// Sample spacing, metres.
-    pub metres_per_texel: f64,
-    /// Elevations of the smallest and the largest sample value, metres. They are not needed if the format stores floats.
+    /// Sample spacing, metres. It is not needed if the file states it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metres_per_texel: Option<f64>,
+    /// Elevations of the smallest and the largest sample value, metres. They are not needed if the file stores metres, or states what its samples mean.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
     /// Folder that contains one folder of images for each material; a leading `$SCREE_DATA` is replaced as in `heightmap`. If absent, the materials

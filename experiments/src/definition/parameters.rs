@@ -9,6 +9,7 @@ use anyhow::{Context, Result, anyhow};
 use kernels::base::names::suggestion;
 use kernels::decode::heightmap::ReadOptions;
 use kernels::frame::{self, FRAME, FrameSettings};
+use kernels::import::scene_folder::ImportOptions;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::settings::Home;
 use toml::{Table, Value};
@@ -104,12 +105,8 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
-    /// Options for reading the heightmap.
-    pub(crate) options: ReadOptions,
-    /// Folder that contains one folder of images for each material.
-    pub(crate) materials: Option<PathBuf>,
-    /// Largest offset of the procedural relief, metres.
-    pub(crate) detail_m: f64,
+    /// Options for reading the heightmap, materials, and added relief.
+    pub(crate) options: ImportOptions,
 }
 
 impl Import {
@@ -120,9 +117,16 @@ impl Import {
     pub(crate) fn job(&self, folder: &Path) -> Result<ImportJob, String> {
         Ok(ImportJob {
             heightmap: resolve(&self.heightmap, folder)?,
-            options: ReadOptions { metres_per_texel: self.metres_per_texel, height_range_m: self.height_range_m, ..ReadOptions::default() },
-            materials: self.materials.as_deref().map(|text| resolve(text, folder)).transpose()?,
-            detail_m: self.detail_m,
+            options: ImportOptions {
+                read: ReadOptions {
+                    metres_per_texel: self.metres_per_texel,
+                    height_range_m: self.height_range_m,
+                    ..ReadOptions::default()
+                },
+                materials: self.materials.as_deref().map(|text| resolve(text, folder)).transpose()?,
+                tile_m: None,
+                detail_m: self.detail_m,
+            },
         })
     }
 }

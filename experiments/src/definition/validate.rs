@@ -235,7 +235,7 @@ fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
         let mut of_key = scene::settings().filter(|setting| setting.key.strip_prefix("world.") == Some(key));
         of_key.try_for_each(|setting| setting.accept(&value)).map_err(|what| at.key(key).problem(what))
     };
-    of_world("metres_per_texel", Value::Float(import.metres_per_texel))?;
+    import.metres_per_texel.map_or(Ok(()), |spacing| of_world("metres_per_texel", Value::Float(spacing)))?;
     if let Some([low, high]) = import.height_range_m {
         let range = at.key("height_range_m");
         of_world("height_range_m", Value::Array([low, high].map(Value::Float).to_vec()))?;
@@ -253,7 +253,7 @@ fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
             job.heightmap.display()
         ))?;
     }
-    match &job.materials {
+    match &job.options.materials {
         Some(materials) if !materials.is_dir() => at.key("materials").fail(format!(
             "there is no folder {}: give a folder that contains one folder of images for each material",
             materials.display()

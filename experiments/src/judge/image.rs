@@ -4,59 +4,25 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read as _, Seek};
 use std::path::Path;
 
-use exr::prelude as e;
-use image::{DynamicImage, ImageDecoder, ImageReader};
-use kernels::base::colour::linear_from_srgb;
 use kernels::base::error::{Error, Result, one_line};
-use kernels::base::names::nearest;
-use kernels::frame::MAX_PIXELS;
 
-use super::{area, not_finite};
-
-/// The meaning of a texel's three numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
-    /// Linear red, green and blue with the primaries of sRGB.
-    Colour,
-    /// A vector: X, Y, Z.
-    Vector,
-    /// One number, repeated three times.
-    Value,
-}
-
-/// A picture, or one layer of it. Its values are linear, and its rows are ordered from top to bottom.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Image {
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// The texels. All their values are finite.
-    pub texels: Vec<[f32; 3]>,
-    /// Alpha of the whole picture (channel A). It is read even if `texels` contains a layer.
-    pub alpha: Option<Vec<f32>>,
-    /// The meaning of a texel's three numbers.
-    pub content: Content,
-}
-
-/// A channel of an OpenEXR file, with the layer to which it belongs.
-struct Channel<'a> {
-    /// Name of the layer; empty if the channel belongs to no layer.
-    layer: String,
-    /// Name of the channel: R, G, B, A, X, Y, Z, V, ...
-    name: String,
-    part: usize,
-    size: [u32; 2],
-    samples: &'a e::FlatSamples,
-}
+use super::picture::Image;
+use super::{coded, layers, not_finite};
 
 impl Image {
-    /// Reads a picture. The first bytes of the file determine its format. PNG and JPEG are decoded from sRGB. `layer` selects the layer of an OpenEXR
-    /// file: the layer `albedo` has the channels `albedo.R`, `albedo.G`, `albedo.B`. If `layer` is `None`, the channels R, G, B that belong to no
-    /// layer are read. If there are none, those of the first part are read. A layer must have the channels R G B, the channels X Y Z, or a single
-    /// channel.
+    /// Reads a picture. The first bytes of the file determine its format.
+    ///
+    /// PNG and JPEG are decoded from sRGB, or with the exponent and primaries that a PNG states (gAMA, cHRM), and turned as their EXIF orientation says.
+    ///
+    /// The pixels of OpenEXR are laid into the display window. `layer` selects the layer: the layer `albedo` has the channels `albedo.R`, `albedo.G`,
+    /// `albedo.B`, or it is the part of this name. If `layer` is `None`, the channels R, G, B that belong to no layer are read or, if there are none, those
+    /// of the only layer that has them. A layer must have the channels R G B, the channels X Y Z, or a single channel. Colours are converted to the
+    /// primaries of Rec. 709, which are those of sRGB.
     ///
     /// # Errors
-    /// The file does not exist or is not a picture, has no such layer (the message names the layers that exist), has more than 2^26 pixels, or
-    /// contains values that are NaN or infinite (the message says how many, and where the first one is).
+    /// The file does not exist or is not a picture, is damaged or of an unsupported kind, has no such layer or more than one that could be meant (the
+    /// message names the layers that exist), stores no pixel of its display window, has more than 2^26 pixels, or contains values that are NaN or infinite
+    /// (the message says how many, and where the first one is).
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
@@ -79,129 +45,22 @@ impl Image {
         let begun = input.by_ref().take(4).read_to_end(&mut magic).and_then(|_| input.rewind());
         begun.map_err(|source| Error::File { file: path.to_owned(), source })?;
         // OpenEXR file layout, "Magic number": 20000630, little-endian.
-        let read = if magic == 20_000_630_u32.to_le_bytes() { exr(input, layer) } else { coded(input, layer) };
+        let read = if magic == 20_000_630_u32.to_le_bytes() { layers::read(input, layer) } else { coded::read(input, layer) };
         let image = read.map_err(wrong)?;
         match not_finite(image.size, &image.texels) {
             Some(what) => Err(wrong(format!("holds {what}: pictures to compare must have finite values"))),
             None => Ok(image),
         }
     }
-
-    /// Returns for each pixel whether it shows only terrain, which means that its alpha is 1 (the sky has alpha 0). `None` if the picture has no
-    /// alpha.
-    pub fn terrain(&self) -> Option<Vec<bool>> {
-        self.alpha.as_ref().map(|alpha| alpha.iter().map(|a| *a >= 1.0).collect())
-    }
-}
-
-/// Refuses a size that is not supported. It is called before memory for the pixels is allocated.
-fn check_size(width: u64, height: u64) -> std::result::Result<[u32; 2], String> {
-    let pixels = width.checked_mul(height).filter(|n| (1..=MAX_PIXELS).contains(n));
-    match (pixels, u32::try_from(width), u32::try_from(height)) {
-        (Some(_), Ok(width), Ok(height)) => Ok([width, height]),
-        _ => Err(format!("has {width}x{height} pixels: 1 to {MAX_PIXELS} (2^26) can be compared")),
-    }
-}
-
-fn coded(input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
-    let reader = ImageReader::new(input).with_guessed_format().map_err(|error| format!("cannot be read: {error}"))?;
-    if reader.format().is_none() {
-        return Err("is not a picture: give an OpenEXR, PNG or JPEG file".to_owned());
-    }
-    if let Some(layer) = layer {
-        return Err(format!("has no layer `{layer}`: only OpenEXR files have layers"));
-    }
-    let undecodable = |error: image::ImageError| format!("cannot be decoded: {error}; give an OpenEXR, PNG or JPEG file");
-    let decoder = reader.into_decoder().map_err(undecodable)?;
-    let (width, height) = decoder.dimensions();
-    let size = check_size(width.into(), height.into())?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    let has_alpha = decoded.color().has_alpha();
-    let texels = decoded.into_rgba32f();
-    Ok(Image {
-        size,
-        texels: texels.pixels().map(|p| [p[0], p[1], p[2]].map(linear_from_srgb)).collect(),
-        alpha: has_alpha.then(|| texels.pixels().map(|p| p[3]).collect()),
-        content: Content::Colour,
-    })
-}
-
-fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
-    use e::{ReadChannels as _, ReadLayers as _};
-    let undecodable = |error: e::Error| format!("cannot be decoded as OpenEXR: {error}; export it again");
-    let meta = exr::meta::MetaData::read_from_buffered(&mut input, false).map_err(undecodable)?;
-    for header in &meta.headers {
-        check_size(header.layer_size.0 as u64, header.layer_size.1 as u64)?;
-    }
-    input.rewind().map_err(|error| format!("cannot be read: {error}"))?;
-    let reading = e::read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
-    let file = reading.non_parallel().from_buffered(input).map_err(undecodable)?;
-    let mut channels = Vec::new();
-    for (part, content) in file.layer_data.iter().enumerate() {
-        let of_part = content.attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
-        let size = check_size(content.size.0 as u64, content.size.1 as u64)?;
-        for channel in &content.channel_data.list {
-            let full = channel.name.to_string();
-            let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
-            // The name of the part is added before the name of the layer, unless the name of the layer already begins with it.
-            let layer = match (of_part.as_str(), prefix) {
-                (part, "") => part.to_owned(),
-                ("", prefix) => prefix.to_owned(),
-                (part, prefix) if prefix.starts_with(part) => prefix.to_owned(),
-                (part, prefix) => format!("{part}.{prefix}"),
-            };
-            channels.push(Channel { layer, name: name.to_owned(), part, size, samples: &channel.sample_data });
-        }
-    }
-    let unnamed = if channels.iter().any(|c| c.layer.is_empty()) { "" } else { channels.first().map_or("", |c| c.layer.as_str()) };
-    let wanted = layer.unwrap_or(unnamed);
-    let of_layer = |wanted: &str| channels.iter().filter(|c| c.layer == wanted).collect::<Vec<_>>();
-    let chosen = of_layer(wanted);
-    if chosen.is_empty() {
-        let mut known: Vec<&str> = channels.iter().map(|c| c.layer.as_str()).filter(|name| !name.is_empty()).collect();
-        known.dedup();
-        let hint = nearest(wanted, &known).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-        let known = if known.is_empty() { "only the picture itself".to_owned() } else { known.join(", ") };
-        return Err(format!("has no layer `{wanted}`: there are {known}{hint}"));
-    }
-    let named = |names: [&str; 3]| names.map(|name| chosen.iter().find(|c| c.name == name).copied());
-    let one: Vec<&&Channel<'_>> = chosen.iter().filter(|c| c.name != "A").collect();
-    let (content, found) = match (named(["R", "G", "B"]), named(["X", "Y", "Z"]), one.as_slice()) {
-        ([Some(r), Some(g), Some(b)], _, _) => (Content::Colour, [r, g, b]),
-        (_, [Some(x), Some(y), Some(z)], _) => (Content::Vector, [x, y, z]),
-        (_, _, [value]) => (Content::Value, [**value; 3]),
-        _ => {
-            let names = chosen.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
-            let which = if wanted.is_empty() { "the picture itself".to_owned() } else { format!("layer `{wanted}`") };
-            return Err(format!("{which} has channels {names}: choose a layer with the channels R G B or X Y Z, or with a single channel"));
-        }
-    };
-    let size = found[0].size;
-    let [x, y, z] = found.map(values);
-    let (x, y, z) = (x?, y?, z?);
-    let alpha = channels.iter().find(|c| c.part == found[0].part && c.name == "A" && c.layer == unnamed).or_else(|| {
-        // The layer may have its own part, while the alpha of the picture is in the first part.
-        channels.iter().find(|c| c.name == "A" && c.layer == unnamed && c.size == size)
-    });
-    let texels = x.iter().zip(&y).zip(&z).map(|((x, y), z)| [*x, *y, *z]).collect();
-    Ok(Image { size, texels, alpha: alpha.map(values).transpose()?, content })
-}
-
-/// Returns the samples of a channel as f32, one for each pixel.
-fn values(channel: &Channel<'_>) -> std::result::Result<Vec<f32>, String> {
-    let values: Vec<f32> = channel.samples.values_as_f32().collect();
-    if values.len() == area(channel.size) {
-        Ok(values)
-    } else {
-        Err(format!("channel {} is subsampled: export it at full resolution", channel.name))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use e::WritableImage as _;
+    use exr::prelude as e;
 
     use super::*;
+    use crate::judge::picture::Content;
 
     /// A unique file, which is removed when this value is dropped.
     struct Temp(std::path::PathBuf);
@@ -270,9 +129,80 @@ mod tests {
         let attributes = e::ImageAttributes::new(e::IntegerBounds::new((0, 0), (3, 2)));
         let parts = vec![colour(Some("beauty"), 1.0), colour(Some("albedo"), 2.0)];
         e::Image::from_layers(attributes, parts).write().to_file(&file.0).unwrap();
-        let first = |layer: Option<&str>| Image::read(&file.0, layer).unwrap().texels[0];
-        assert_eq!((first(None), first(Some("beauty")), first(Some("albedo"))), ([1.0; 3], [1.0; 3], [2.0; 3]));
-        assert_eq!(Image::read(&file.0, None).unwrap().terrain(), None);
+        let first = |layer: &str| Image::read(&file.0, Some(layer)).unwrap().texels[0];
+        assert_eq!((first("beauty"), first("albedo"), first("ALBEDO")), ([1.0; 3], [2.0; 3], [2.0; 3]));
+        // Neither part is the picture itself.
+        let refused = Image::read(&file.0, None).unwrap_err().to_string();
+        assert!(refused.contains("2 layers that could be compared, beauty, albedo") && refused.contains("--layer"), "{refused}");
+        assert_eq!(Image::read(&file.0, Some("albedo")).unwrap().terrain(), None);
+    }
+
+    #[test]
+    fn the_only_layer_that_can_be_meant_is_read_without_its_name() {
+        let file = Temp::new("only.exr");
+        let read = |channels: &[(&str, [f32; 6])], layer: Option<&str>| {
+            e::Image::from_layer(part(None, channels)).write().to_file(&file.0).unwrap();
+            Image::read(&file.0, layer)
+        };
+        let first = |channels: &[(&str, [f32; 6])]| {
+            let image = read(channels, None).unwrap();
+            (image.content, image.texels[0], image.origin.layer)
+        };
+        let colour = |names: [&'static str; 3]| [(names[0], ramp(1.0)), (names[1], ramp(2.0)), (names[2], ramp(3.0))];
+        assert_eq!(first(&colour(["r", "g", "b"])), (Content::Colour, [1.0, 2.0, 3.0], None));
+        // A depth that belongs to no layer does not count before colours.
+        let beauty = [&colour(["beauty.R", "beauty.G", "beauty.B"])[..], &[("Z", ramp(9.0))]].concat();
+        assert_eq!(first(&beauty), (Content::Colour, [1.0, 2.0, 3.0], Some("beauty".to_owned())));
+        assert_eq!(first(&[("Y", ramp(4.0)), ("a", ramp(0.0))]), (Content::Value, [4.0; 3], None));
+        // Names that differ in case only: the exact ones count, and none counts if there is no exact one.
+        let both = [&colour(["R", "G", "B"])[..], &[("r", ramp(8.0)), ("g", ramp(8.0)), ("b", ramp(8.0))]].concat();
+        assert_eq!(first(&both).1, [1.0, 2.0, 3.0]);
+        let mixed = [&colour(["x.R", "x.g", "x.b"])[..], &[("x.B", ramp(7.0))]].concat();
+        assert_eq!(first(&mixed), (Content::Colour, [1.0, 2.0, 7.0], None));
+        let two = [&colour(["a.R", "a.G", "a.B"])[..], &colour(["b.R", "b.G", "b.B"])[..]].concat();
+        let refused = read(&two, None).unwrap_err().to_string();
+        assert!(refused.contains("2 layers that could be compared, a, b"), "{refused}");
+        assert_eq!(read(&two, Some("b")).unwrap().origin.layer, None);
+    }
+
+    #[test]
+    fn samples_are_laid_into_the_display_window_and_converted() {
+        let file = Temp::new("windows.exr");
+        let write = |at: (i32, i32), display: e::IntegerBounds, chromaticities: Option<e::attribute::Chromaticities>| {
+            let channels = [("A", [1.0; 6]), ("R", ramp(1.0)), ("G", ramp(11.0)), ("B", ramp(21.0))];
+            let mut layer = part(None, &channels);
+            layer.attributes.layer_position = e::Vec2(at.0, at.1);
+            let attributes = e::ImageAttributes { chromaticities, ..e::ImageAttributes::new(display) };
+            e::Image::new(attributes, layer).write().to_file(&file.0).unwrap();
+            Image::read(&file.0, None)
+        };
+        let display = e::IntegerBounds::new((-1, 0), (3, 2));
+        let moved = write((0, -1), display, None).unwrap();
+        // The lower row of samples, moved one column to the right; its last sample is outside.
+        let black = [0.0; 3];
+        assert_eq!(moved.texels, [black, [4.0, 14.0, 24.0], [5.0, 15.0, 25.0], black, black, black]);
+        assert_eq!(moved.terrain(), Some(vec![false, true, true, false, false, false]));
+        assert_eq!((moved.size, [0, 1, 3].map(|index| moved.stores(index))), ([3, 2], [false, true, false]));
+        let refused = write((3, 0), display, None).unwrap_err().to_string();
+        assert!(refused.contains("stores 3 x 2 at (3, 0)") && refused.contains("picture of 3 x 2 at (-1, 0)"), "{refused}");
+        // Primaries of XYZ with the white of Rec. 709: the colours are X, Y, Z, and Y is the luminance of Rec. 709.
+        let point = |x: f32, y: f32| e::Vec2(x, y);
+        let xyz = |white: e::Vec2<f32>| e::attribute::Chromaticities {
+            red: point(1.0, 0.0),
+            green: point(0.0, 1.0),
+            blue: point(0.0, 0.0),
+            white,
+        };
+        let converted = write((-1, 0), display, Some(xyz(point(0.3127, 0.329)))).unwrap();
+        let stated = converted.origin.converted_from.unwrap();
+        assert_eq!((stated.red, stated.white), ([1.0, 0.0], [0.3127, 0.329]));
+        for (texel, green) in converted.texels.iter().zip(ramp(11.0)) {
+            let luminance = kernels::base::colour::luminance(texel.map(f64::from));
+            // The weights of luminance have four digits.
+            assert!((luminance - f64::from(green)).abs() < 1e-3 * f64::from(green), "{texel:?}: {luminance} is not {green}");
+        }
+        let refused = write((-1, 0), display, Some(xyz(point(0.3127, 0.0)))).unwrap_err().to_string();
+        assert!(refused.contains("chromaticities that are no colour space"), "{refused}");
     }
 
     #[test]
@@ -301,7 +231,7 @@ mod tests {
         refused(b"", "is not a picture");
         refused(b"P6 words", "cannot be decoded");
         refused(b"plain words", "is not a picture");
-        refused(&20_000_630_u32.to_le_bytes(), "cannot be decoded as OpenEXR");
+        refused(&20_000_630_u32.to_le_bytes(), "OpenEXR");
         refused(b"\x89PNG\r\n\x1a\nrest", "cannot be decoded");
         let mut values = ramp(0.0);
         values[4] = f32::NAN;
@@ -311,7 +241,7 @@ mod tests {
         let bytes = bytes.into_inner();
         refused(&bytes, "holds 1 NaN value, first in column 1, row 1");
         for length in [5, 40, bytes.len() / 2, bytes.len() - 1] {
-            refused(&bytes[..length], "cannot be decoded as OpenEXR");
+            refused(&bytes[..length], "OpenEXR");
         }
         let missing = Image::read(Path::new("nowhere/at-all.exr"), None).unwrap_err().to_string();
         assert!(missing.contains("nowhere/at-all.exr") && missing.contains("no such file"), "{missing}");

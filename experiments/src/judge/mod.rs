@@ -16,11 +16,16 @@
 //! tev and imgtool skip infinite differences. This module refuses pictures with NaN or infinite values, because such values are defects. All sums are
 //! computed in f64.
 
+mod coded;
+mod facts;
 pub mod flip;
 mod image;
+mod layers;
+mod picture;
 pub mod spectrum;
 pub mod ssim;
 pub mod video;
+mod windows;
 
 use std::fmt;
 use std::str::FromStr;
@@ -32,7 +37,9 @@ use kernels::base::names::nearest;
 
 use crate::metrics;
 
-pub use image::{Content, Image};
+pub use facts::{Note, Side, check_windows, notes};
+pub use picture::{Content, Image, Origin};
+pub use windows::Windows;
 
 /// The number that is added to the denominator of MRSE, linear colour squared (tev; Rousselle et al. 2011). It limits relative errors of pixels at
 /// which the reference is dark.

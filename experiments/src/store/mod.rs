@@ -213,7 +213,7 @@ impl Run {
             );
         } else {
             let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
-            scene_folder::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
+            scene_folder::import(&job.heightmap, &job.options, &scene)?;
         }
         self.manifest.files.insert(SCENE.to_owned(), hash_of_folder(&scene)?);
         self.manifest.write(&self.folder)?;

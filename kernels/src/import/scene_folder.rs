@@ -1,38 +1,256 @@
-//! Makes a scene folder from a heightmap.
+//! Makes a scene folder from a heightmap: first everything is read and understood, then it is written.
 
+use std::fmt;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use super::materials::{self, MaterialSurvey, Role};
 use super::viewpoints;
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Result, one_line};
 use crate::base::files::WholeFolder;
-use crate::decode::heightmap::{Heightmap, ReadOptions, read};
-use crate::scene::{self, Material, Rule, Scene};
-use crate::world::World;
+use crate::decode::heightmap::{Heightmap, ReadOptions, Reading, Report, read};
+use crate::materials::check_repeats;
+use crate::scene::{self, Hole, Material, Rule, Scene};
 use crate::world::rules::Rules;
+use crate::world::{Layout, World};
 
-/// Makes a scene folder from a heightmap. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest),
-/// `scene.toml` (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if `materials` is given,
-/// a folder `materials/` with its images. `materials` is a folder with one sub-folder per material; without it, the scene has procedural
-/// materials.
-///
-/// `detail_m`: limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With
-/// 0, no relief is added, and the finest LOD follows from the resolution of the data. The folder is made either completely or not at all. Returns
-/// the scene as written.
+/// Limit of the number of samples that become holes. Each becomes a circle, and each vertex near the holes is compared with all circles.
+const MAX_HOLES: usize = 512;
+
+/// Radius of the hole that a sample without data becomes, in distances between samples. It is above half the diagonal of a square, so neighbouring
+/// holes have no ground between them, and below 1, so the next sample with data stays on the ground.
+const HOLE_RADIUS: f64 = 0.75;
+
+/// Limit of the number of characters of a scene's name; the limit of a scene file.
+const LONGEST_NAME: usize = 100;
+
+/// What an import is made of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportOptions {
+    /// How the heightmap is read.
+    pub read: ReadOptions,
+    /// A folder that holds materials, see [`materials::survey`]; without it, the scene has procedural materials.
+    pub materials: Option<PathBuf>,
+    /// Edge of a repeat of all textures, metres. `None`: as names of folders and files state it, or as is usual for the kind of ground.
+    pub tile_m: Option<f64>,
+    /// Limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With 0, no relief is
+    /// added, and the finest LOD follows from the resolution of the data.
+    pub detail_m: f64,
+}
+
+/// What was understood of the files of an import. As text, it is a list for the user, several lines without a line break at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Understood {
+    /// Name of the scene: that of the heightmap without its extension.
+    name: String,
+    map: Heightmap,
+    report: Report,
+    holes: Vec<Hole>,
+    materials: Option<MaterialSurvey>,
+    detail_m: f64,
+}
+
+/// Reads the heightmap and the materials of an import. Nothing is written.
 ///
 /// # Errors
-/// The errors of [`read`]; [`Error::Request`] if `out_dir` exists and is not an empty folder, or if `detail_m` is negative; [`Error::Material`]
-/// if the folder `materials` has no or too many materials; [`Error::File`] and [`Error::Image`] if writing fails.
-pub fn import(source: &Path, options: &ReadOptions, materials: Option<&Path>, detail_m: f64, out_dir: &Path) -> Result<Scene> {
+/// The errors of [`read`]; [`Error::Heightmap`] if nothing of the map would be drawn, or if too many samples without data shall become holes;
+/// [`Error::Request`] if `detail_m` is negative; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
+pub fn examine(source: &Path, options: &ImportOptions) -> Result<Understood> {
+    let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {
         return Err(Error::Request(format!("the detail is {detail_m} m; it must be 0 (no added relief) or more")));
     }
+    let Reading { map, mut report, holes } = read(source, &options.read)?;
+    let wrong = |what: String| Error::Heightmap { file: source.to_owned(), what };
+    report.notes.extend(undrawn(&map, detail_m).map_err(wrong)?);
+    if holes.len() > MAX_HOLES {
+        return Err(wrong(format!(
+            "{} samples have no data, but a scene can have at most {MAX_HOLES} holes; fill them with --fill-voids, or give a --window with fewer",
+            holes.len()
+        )));
+    }
+    let materials = match &options.materials {
+        Some(folder) => Some(materials::survey(folder)?.with_tile_m(options.tile_m)?),
+        None => None,
+    };
+    Ok(Understood {
+        name: name_of(source),
+        holes: holes.iter().map(|&place| hole(&map, place)).collect(),
+        map,
+        report,
+        materials,
+        detail_m,
+    })
+}
+
+/// Name of the scene of a heightmap: that of the file without its extension, as far as a scene may be called so.
+fn name_of(source: &Path) -> String {
+    let stem = source.file_stem().map(|stem| one_line(&stem.to_string_lossy())).unwrap_or_default();
+    if stem.is_empty() { "imported".to_owned() } else { stem.chars().take(LONGEST_NAME).collect() }
+}
+
+/// Makes a scene folder from a heightmap: [`examine`], then [`Understood::write`].
+///
+/// # Errors
+/// The errors of both; [`Error::Request`] if `out_dir` exists and is not an empty folder.
+pub fn import(source: &Path, options: &ImportOptions, out_dir: &Path) -> Result<Scene> {
     refuse_occupied(out_dir)?;
-    let map = read(source, options)?;
-    let staging = WholeFolder::beside(out_dir)?;
-    let scene = write_scene(&map, source, materials, detail_m, staging.folder())?;
-    staging.finish()?;
-    Ok(Scene { folder: out_dir.to_owned(), ..scene })
+    examine(source, options)?.write(out_dir, &|| false)
+}
+
+/// A note about the edge of a map that is not drawn; None if all is drawn.
+///
+/// # Errors
+/// Nothing would be drawn.
+fn undrawn(map: &Heightmap, detail_m: f64) -> std::result::Result<Option<String>, String> {
+    let layout = Layout::of_heightmap(map, detail_m);
+    let extent = map.extent_m();
+    let drawn = layout.drawn_m(extent);
+    let vertices = layout.spacing_m(layout.finest_lod);
+    if drawn.iter().any(|&length| length <= 0.0) {
+        // Two quads, one on each side of the centre.
+        let least = (2.0 * vertices / map.metres_per_texel).ceil() + 1.0;
+        return Err(format!(
+            "{} x {} samples are too few: they cover {} x {} m, but vertices are {vertices} m apart, so nothing would be drawn; give at least {least} x \
+             {least} samples, or a finer --detail, such as 0.1, with which vertices are {} m apart",
+            map.width,
+            map.height,
+            extent[0],
+            extent[1],
+            layout.spacing_m(0)
+        ));
+    }
+    let missing = [0, 1].map(|axis| (extent[axis] - drawn[axis]) / 2.0);
+    // Rounding of the extent is not worth a note.
+    if missing.iter().all(|&length| length < 1e-6 * vertices) {
+        return Ok(None);
+    }
+    Ok(Some(format!(
+        "{:.2} m at the western and eastern edge and {:.2} m at the northern and southern edge are not drawn, because vertices are {vertices} m apart",
+        missing[0], missing[1]
+    )))
+}
+
+/// The hole of a sample without data, given as column and row.
+fn hole(map: &Heightmap, [column, row]: [u32; 2]) -> Hole {
+    let [width, depth] = map.extent_m();
+    let spacing = map.metres_per_texel;
+    let centre = [f64::from(column) * spacing - width / 2.0, depth / 2.0 - f64::from(row) * spacing];
+    Hole { centre, radius_m: HOLE_RADIUS * spacing }
+}
+
+impl Understood {
+    /// The heightmap.
+    pub fn map(&self) -> &Heightmap {
+        &self.map
+    }
+
+    /// What was understood of the heightmap.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// Checks that all materials can be drawn.
+    ///
+    /// # Errors
+    /// The errors of [`MaterialSurvey::check`].
+    pub fn check(&self) -> Result<()> {
+        self.materials.as_ref().map_or(Ok(()), MaterialSurvey::check)
+    }
+
+    /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest), `scene.toml` (materials,
+    /// rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder `materials/` with
+    /// those that are used. The folder is made either completely or not at all. Returns the scene as written.
+    ///
+    /// `stopped`: asked several times whether the user wants to stop; then nothing is kept.
+    ///
+    /// # Errors
+    /// [`Error::Request`] if `out_dir` exists and is not an empty folder, or if the user stopped; the errors of [`materials::chosen`];
+    /// [`Error::Material`] if a texture repeats too often for the size of the world; [`Error::File`] and [`Error::Image`] if writing fails.
+    pub fn write(&self, out_dir: &Path, stopped: &dyn Fn() -> bool) -> Result<Scene> {
+        refuse_occupied(out_dir)?;
+        let go_on = || if stopped() { Err(Error::Request("stopped; nothing was written".to_owned())) } else { Ok(()) };
+        go_on()?;
+        let staging = WholeFolder::beside(out_dir)?;
+        let scene = self.write_into(staging.folder(), &go_on)?;
+        go_on()?;
+        staging.finish()?;
+        Ok(Scene { folder: out_dir.to_owned(), ..scene })
+    }
+
+    fn write_into(&self, folder: &Path, go_on: &dyn Fn() -> Result<()>) -> Result<Scene> {
+        let Understood { map, name, detail_m, holes, .. } = self;
+        let (low, high) = map.elevation_range_m();
+        write_png(map, [low, high], &folder.join("heightmap.png"))?;
+        go_on()?;
+        let materials = match &self.materials {
+            Some(survey) => materials::chosen(survey, folder)?,
+            None => materials::procedural(),
+        };
+        go_on()?;
+        let mut scene = Scene {
+            name: name.clone(),
+            description: format!(
+                "{name}: {} x {} samples, {} m apart, {low:.1} to {high:.1} m.",
+                map.width, map.height, map.metres_per_texel
+            ),
+            world: scene::World::Heightmap {
+                file: PathBuf::from("heightmap.png"),
+                metres_per_texel: map.metres_per_texel,
+                height_range_m: [low, high],
+                detail_m: *detail_m,
+                seed: 1,
+                holes: holes.clone(),
+                colour_modulation: 0.0,
+            },
+            rules: Vec::new(),
+            strokes: Vec::new(),
+            materials,
+            detail_size: 1024,
+            flavours: Default::default(),
+            blend: Default::default(),
+            sun: Default::default(),
+            sky: Default::default(),
+            cameras: Vec::new(),
+            paths: Vec::new(),
+            folder: folder.to_owned(),
+        };
+        let bare = World::from_heightmap(map.clone(), *detail_m, 1, holes.clone(), 0.0, Rules::new(&scene), scene.materials.len());
+        let steepest = bare.max_slope_deg();
+        // The slope at which cliffs begin depends on the steepest slope of the map: 45 degrees for steep terrain, a smaller slope for gentle terrain,
+        // and 90 degrees, which means no cliffs, for a plain.
+        scene.flavours.cliff_slope_deg = match steepest {
+            s if s >= 55.0 => 45.0,
+            s if s >= 25.0 => (0.8 * s).round(),
+            _ => 90.0,
+        };
+        scene.rules = rules_for(&scene.materials, [low, high], scene.flavours.cliff_slope_deg.min(60.0).min(steepest.max(10.0)));
+        go_on()?;
+        // The cameras must stand on the ground of the written file, whose heights are quantised.
+        let world = World::new(&scene)?;
+        check_repeats(&scene.materials, world.layout().sector_m)?;
+        scene.cameras = viewpoints::find(&world, &scene);
+        let text = toml::to_string(&scene).map_err(|e| Error::Scene { where_: "scene.toml".to_owned(), what: e.to_string() })?;
+        let file = folder.join("scene.toml");
+        std::fs::write(&file, text).map_err(|source| Error::File { file, source })?;
+        Ok(scene)
+    }
+}
+
+impl fmt::Display for Understood {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.report)?;
+        if !self.holes.is_empty() {
+            writeln!(f, "holes: {}, each a circle of {} m", self.holes.len(), HOLE_RADIUS * self.map.metres_per_texel)?;
+        }
+        if self.detail_m > 0.0 {
+            writeln!(f, "added relief: up to {} m", self.detail_m)?;
+        }
+        match &self.materials {
+            Some(survey) => write!(f, "{survey}"),
+            None => write!(f, "materials: {} procedural ones", materials::procedural().len()),
+        }
+    }
 }
 
 fn refuse_occupied(out_dir: &Path) -> Result<()> {
@@ -49,57 +267,6 @@ fn refuse_occupied(out_dir: &Path) -> Result<()> {
     Ok(())
 }
 
-fn write_scene(map: &Heightmap, source: &Path, materials: Option<&Path>, detail_m: f64, folder: &Path) -> Result<Scene> {
-    let (low, high) = map.elevation_range_m();
-    write_png(map, [low, high], &folder.join("heightmap.png"))?;
-    let materials = match materials {
-        Some(from) => copy_materials(from, &folder.join("materials"))?,
-        None => PROCEDURAL.iter().map(|name| material(name, true)).collect(),
-    };
-    let name = source.file_stem().map_or_else(|| "imported".to_owned(), |s| s.to_string_lossy().into_owned());
-    let mut scene = Scene {
-        description: format!("{name}: {} x {} samples, {} m apart, {low:.1} to {high:.1} m.", map.width, map.height, map.metres_per_texel),
-        name,
-        world: scene::World::Heightmap {
-            file: PathBuf::from("heightmap.png"),
-            metres_per_texel: map.metres_per_texel,
-            height_range_m: [low, high],
-            detail_m,
-            seed: 1,
-            holes: Vec::new(),
-            colour_modulation: 0.0,
-        },
-        rules: Vec::new(),
-        strokes: Vec::new(),
-        materials,
-        detail_size: 1024,
-        flavours: Default::default(),
-        blend: Default::default(),
-        sun: Default::default(),
-        sky: Default::default(),
-        cameras: Vec::new(),
-        paths: Vec::new(),
-        folder: folder.to_owned(),
-    };
-    let bare = World::from_heightmap(map.clone(), detail_m, 1, Vec::new(), 0.0, Rules::new(&scene), scene.materials.len());
-    let steepest = bare.max_slope_deg();
-    // The slope at which cliffs begin depends on the steepest slope of the map: 45 degrees for steep terrain, a smaller slope for gentle terrain,
-    // and 90 degrees, which means no cliffs, for a plain.
-    scene.flavours.cliff_slope_deg = match steepest {
-        s if s >= 55.0 => 45.0,
-        s if s >= 25.0 => (0.8 * s).round(),
-        _ => 90.0,
-    };
-    scene.rules = rules_for(&scene.materials, [low, high], scene.flavours.cliff_slope_deg.min(60.0).min(steepest.max(10.0)));
-    // The cameras must stand on the ground of the written file, whose heights are quantised.
-    let world = World::new(&scene)?;
-    scene.cameras = viewpoints::find(&world, &scene);
-    let text = toml::to_string(&scene).map_err(|e| Error::Scene { where_: "scene.toml".to_owned(), what: e.to_string() })?;
-    let file = folder.join("scene.toml");
-    std::fs::write(&file, text).map_err(|source| Error::File { file, source })?;
-    Ok(scene)
-}
-
 fn write_png(map: &Heightmap, [low, high]: [f64; 2], file: &Path) -> Result<()> {
     use image::ImageEncoder;
     let code = |s: &f32| ((f64::from(*s) - low) / (high - low) * 65535.0).round().clamp(0.0, 65535.0) as u16;
@@ -109,100 +276,6 @@ fn write_png(map: &Heightmap, [low, high]: [f64; 2], file: &Path) -> Result<()> 
     encoder
         .write_image(&bytes, map.width, map.height, image::ExtendedColorType::L16)
         .map_err(|e| Error::Image { file: file.to_owned(), what: e.to_string() })
-}
-
-/// Names of the procedural materials of a scene that is imported without a material folder.
-const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "gravel", "scree", "limestone", "granite", "snow"];
-
-fn material(name: &str, procedural: bool) -> Material {
-    Material {
-        name: name.to_owned(),
-        procedural: procedural.then(|| name.to_owned()),
-        folder: (!procedural).then(|| Path::new("materials").join(name)),
-        tile_m: match Role::of(name) {
-            Role::Rock => 5.0,
-            Role::Rubble | Role::Snow => 3.5,
-            Role::Green | Role::Soil => 2.5,
-        },
-        orientation_deg: 0.0,
-        tint: [1.0; 3],
-        normal_strength: 1.0,
-    }
-}
-
-fn copy_materials(from: &Path, to: &Path) -> Result<Vec<Material>> {
-    let failed = |file: &Path| {
-        let file = file.to_owned();
-        move |source| Error::File { file, source }
-    };
-    let mut folders: Vec<PathBuf> =
-        std::fs::read_dir(from).map_err(failed(from))?.filter_map(|entry| entry.ok().map(|e| e.path())).filter(|p| p.is_dir()).collect();
-    folders.sort();
-    let mut materials = Vec::new();
-    for folder in folders {
-        let Some(name) = folder.file_name().map(|n| n.to_string_lossy().into_owned()) else {
-            continue;
-        };
-        let entries = std::fs::read_dir(&folder).map_err(failed(&folder))?;
-        let mut files: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| p.is_file()).collect();
-        files.sort();
-        if !files.iter().any(|f| f.file_stem().is_some_and(|s| s.eq_ignore_ascii_case("albedo"))) {
-            continue;
-        }
-        let target = to.join(&name);
-        std::fs::create_dir_all(&target).map_err(failed(&target))?;
-        for file in files {
-            let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-            // Text files are copied with the images: licences require that notes about the source stay with an image.
-            if ["png", "jpg", "jpeg", "exr", "txt", "md"].contains(&extension.as_str())
-                && let Some(file_name) = file.file_name()
-            {
-                std::fs::copy(&file, target.join(file_name)).map_err(failed(&file))?;
-            }
-        }
-        materials.push(material(&name, false));
-    }
-    match materials.len() {
-        0 => Err(Error::Material {
-            name: from.display().to_string(),
-            what: "no sub-folder contains an `albedo` image; give a folder with one folder per material".to_owned(),
-        }),
-        1..=256 => Ok(materials),
-        n => Err(Error::Material {
-            name: from.display().to_string(),
-            what: format!("there are {n} materials, but a palette holds at most 256; remove some sub-folders"),
-        }),
-    }
-}
-
-/// The role of a material in the landscape, derived from its name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
-    Green,
-    Soil,
-    Rubble,
-    Rock,
-    Snow,
-}
-
-impl Role {
-    fn of(name: &str) -> Role {
-        let name = name.to_lowercase();
-        let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
-        if has(&["snow", "ice"]) {
-            Role::Snow
-        } else if has(&["cliff", "granite", "limestone", "basalt"]) {
-            Role::Rock
-        } else if has(&["grass", "meadow", "moss", "forest", "heath"]) {
-            Role::Green
-        } else if has(&["scree", "gravel", "pebble", "rubble", "talus", "boulder"]) {
-            Role::Rubble
-        } else if has(&["rock", "stone"]) {
-            Role::Rock
-        } else {
-            Role::Soil
-        }
-    }
 }
 
 /// Returns splat rules by slope and elevation: vegetation on low and gentle ground, soil in patches, rubble on steep ground, rock on slopes near

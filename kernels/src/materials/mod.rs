@@ -168,7 +168,7 @@ struct Texture {
 const TEXTURE_SEED: u32 = 5;
 
 /// Largest number of sources whose uncompressed maps are in memory at the same time. The maps of one source with 2048² texels take about 170 MB.
-const SOURCES_AT_ONCE: usize = 4;
+pub(crate) const SOURCES_AT_ONCE: usize = 4;
 
 /// Where a set of maps comes from. Materials with equal sources share a layer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -366,6 +366,14 @@ fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
     let nearest = |of: &MaterialMeans| (0_u32..).zip(layers).min_by(|(_, a), (_, b)| distance(a, of).total_cmp(&distance(b, of)));
     let own = 0..u32::try_from(layers.len()).expect("there are at most eight layers");
     own.chain(means[layers.len()..].iter().map(|of| nearest(of).map_or(0, |(layer, _)| layer))).collect()
+}
+
+/// Checks that the textures of the materials do not repeat too often along a sector, whose edge is `sector_m` metres.
+///
+/// # Errors
+/// [`Error::Material`]: a texture repeats [`MAX_REPEATS_PER_SECTOR`] times or more.
+pub fn check_repeats(materials: &[Material], sector_m: f64) -> Result<()> {
+    materials.iter().try_for_each(|material| placement(material, sector_m).map(drop))
 }
 
 /// Returns the number of texture repeats of a material: per sector in fixed point, and per metre in floating point.

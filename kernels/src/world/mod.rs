@@ -106,6 +106,19 @@ impl Layout {
         layout
     }
 
+    /// Returns the layout of the world of a heightmap. `detail_m`: largest offset of the added relief; 0 = none.
+    pub fn of_heightmap(map: &Heightmap, detail_m: f64) -> Layout {
+        let [width, depth] = map.extent_m();
+        Layout::of(width.max(depth), (detail_m <= 0.0).then_some(map.metres_per_texel))
+    }
+
+    /// Width and depth, in metres, of the ground that is drawn at the finest LOD, if the data are `extent_m` wide and deep. A triangle is drawn only if
+    /// its three vertices lie within the data. A vertex lies at the centre of the data, so less than one spacing is missing at each edge.
+    pub fn drawn_m(&self, extent_m: [f64; 2]) -> [f64; 2] {
+        let spacing = self.spacing_m(self.finest_lod);
+        extent_m.map(|extent| 2.0 * spacing * (extent / 2.0 / spacing).floor())
+    }
+
     /// Edge of a node, metres.
     pub fn node_m(&self, lod: u8) -> f64 {
         self.sector_m * f64::from(1u32 << lod)
@@ -196,12 +209,12 @@ impl World {
             }
             scene::World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed, holes, colour_modulation } => {
                 let options = heightmap::ReadOptions {
-                    metres_per_texel: *metres_per_texel,
+                    metres_per_texel: Some(*metres_per_texel),
                     height_range_m: Some(*height_range_m),
                     ..Default::default()
                 };
                 let path = scene.folder.join(file);
-                let map = heightmap::read(&path, &options)?;
+                let map = heightmap::read(&path, &options)?.map;
                 if !(detail_m.is_finite() && *detail_m >= 0.0) {
                     let what = format!("`detail_m = {detail_m}` must be 0 or more metres; 0 adds no relief");
                     return Err(Error::Heightmap { file: path, what });
@@ -229,7 +242,7 @@ impl World {
             footprint_m *= 2.0;
         }
         World {
-            layout: Layout::of(extent[0].max(extent[1]), (detail_m <= 0.0).then_some(spacing)),
+            layout: Layout::of_heightmap(&map, detail_m),
             height_range_m: (low - detail_m, high + detail_m),
             half_extent_m: extent.map(|e| e / 2.0),
             footprint_m,

@@ -6,15 +6,13 @@ use std::path::{self, Path, PathBuf};
 
 use kernels::base::error::Error;
 use kernels::base::files::write_whole;
+use kernels::materials::folder::recognise;
 use kernels::scene::{self, Material, Rule, Scene, World};
 
 /// Maximum number of materials of a scene: as many as the index in a splat map can distinguish.
 pub const MOST_MATERIALS: usize = 256;
 /// Limit of the length of a name, characters.
 const LONGEST_NAME: usize = 100;
-/// Images that a folder of textures must contain, and their possible extensions, as in [`kernels::materials::folder::load`].
-const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
-const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// Returns the scene with absolute paths, so that its file can be read from any folder.
 ///
@@ -158,22 +156,14 @@ pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(
     Ok(())
 }
 
-/// Checks that a folder contains the images of a material. Their contents are read later, on the drawing thread, because that takes longer.
+/// Checks by the names of the files that a folder contains the images of a material. Their contents are read later, on the drawing thread, because that
+/// takes longer.
 ///
 /// # Errors
-/// One line with the remedy: the folder does not exist, or an image is missing.
+/// One line with the remedy, see [`recognise`].
 pub fn holds_textures(folder: &Path) -> Result<(), String> {
-    let shown = folder.display();
-    let wanted = format!("{} (.png, .jpg or .jpeg)", MAPS.join(", "));
-    let entries =
-        fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown} ({error}): give a folder that contains {wanted}"))?;
-    let files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
-    let is_there = |map: &str| EXTENSIONS.iter().any(|extension| files.contains(&format!("{map}.{extension}")));
-    let missing: Vec<&str> = MAPS.into_iter().filter(|&map| !is_there(map)).collect();
-    if missing.is_empty() {
-        return Ok(());
-    }
-    Err(format!("{shown} holds no {} image: give a folder that contains {wanted}", missing.join(", no ")))
+    let wanted = "give a folder with images named albedo, normal, height, roughness";
+    recognise(folder).map(drop).map_err(|what| format!("{what}; {wanted}"))
 }
 
 /// Returns the scene as it is written to a file in `folder`. If `folder` is not the folder of the scene, the paths in the scene become absolute.
@@ -380,10 +370,11 @@ mod tests {
         let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
         for (i, file) in files.into_iter().enumerate() {
             let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");
-            assert!(error.contains(&format!("holds no {}", MAPS[i..].join(", no "))) && error.lines().count() == 1, "{error}");
+            let missing = format!("no {} map in", ["albedo", "normal", "height", "roughness"][i..].join(", no "));
+            assert!(error.contains(&missing) && error.lines().count() == 1, "{error}");
             assert!(scene == before);
             let reader = materials::folder::load("rock", &folder.0.join("rock"), 8).expect_err("not all are there").to_string();
-            assert!(reader.contains(&format!("no {}.png", MAPS[i])), "{reader}");
+            assert!(reader.contains(&missing), "{reader}");
             fs::write(folder.0.join("rock").join(file), b"no image").expect("can be written");
         }
         take_folder(&mut scene, 0, "rock".into()).expect("all are there");

@@ -1,0 +1,159 @@
+//! The text of a table as spreadsheets and other programs write it: UTF-8 or UTF-16, with cells separated by commas, semicolons, tabs or bars.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+
+/// The characters that may separate cells. If the header fits several of them, the last one counts.
+const DELIMITERS: [u8; 4] = [b'|', b'\t', b';', b','];
+
+/// A table as text.
+pub(super) struct Text {
+    /// The text from the header on.
+    pub(super) body: String,
+    /// The character between cells.
+    pub(super) delimiter: u8,
+    /// Number of lines before `body`.
+    pub(super) lines_before: u64,
+    /// Whether the file is UTF-16.
+    pub(super) is_utf16: bool,
+}
+
+impl Text {
+    /// Reads a table that should have these columns.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no text, or names a delimiter that is none.
+    pub(super) fn read(path: &Path, columns: &[&str]) -> Result<Text> {
+        let name = path.display();
+        let bytes = fs::read(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;
+        let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+        let text = decode(bytes).map_err(|what| anyhow!("{name} {what}"))?;
+        let (stated, body) = stated_delimiter(&text).map_err(|what| anyhow!("{name} {what}"))?;
+        let delimiter = stated.unwrap_or_else(|| delimiter_of(body, columns));
+        Ok(Text { body: body.to_owned(), delimiter, lines_before: u64::from(stated.is_some()), is_utf16 })
+    }
+
+    /// The delimiter in words.
+    pub(super) fn delimiter_words(&self) -> &'static str {
+        match self.delimiter {
+            b'\t' => "tabs",
+            b';' => "`;`",
+            b'|' => "`|`",
+            _ => "`,`",
+        }
+    }
+}
+
+/// Decodes UTF-8, and UTF-16 with a byte order mark (Unicode, section 23.8).
+fn decode(bytes: Vec<u8>) -> Result<String, String> {
+    if bytes.starts_with(&[0xff, 0xfe, 0, 0]) || bytes.starts_with(&[0, 0, 0xfe, 0xff]) {
+        return Err("is UTF-32 text: save the table as UTF-8".to_owned());
+    }
+    let utf16 = |of: fn([u8; 2]) -> u16| {
+        let (pairs, rest) = bytes.as_chunks::<2>();
+        let units: Vec<u16> = pairs.iter().map(|pair| of(*pair)).skip(1).collect();
+        let text = String::from_utf16(&units).ok().filter(|_| rest.is_empty());
+        text.ok_or_else(|| "is UTF-16 text with a wrong character: save the table again, as UTF-8".to_owned())
+    };
+    let text = if bytes.starts_with(&[0xff, 0xfe]) {
+        utf16(u16::from_le_bytes)?
+    } else if bytes.starts_with(&[0xfe, 0xff]) {
+        utf16(u16::from_be_bytes)?
+    } else {
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+            format!("is not UTF-8 text in line {line}: save the table as UTF-8")
+        })?;
+        match text.strip_prefix('\u{feff}') {
+            Some(rest) => rest.to_owned(),
+            None => text,
+        }
+    };
+    if text.contains('\0') {
+        return Err("holds NUL characters, as UTF-16 text without a byte order mark has: save the table as UTF-8".to_owned());
+    }
+    Ok(text)
+}
+
+/// The delimiter that the first line states, as spreadsheets understand it ("sep=;"), and the text after that line.
+fn stated_delimiter(text: &str) -> Result<(Option<u8>, &str), String> {
+    let end = text.find(['\r', '\n']).unwrap_or(text.len());
+    let (line, rest) = text.split_at(end);
+    let line = line.strip_prefix('"').and_then(|line| line.strip_suffix('"')).unwrap_or(line);
+    let Some((start, stated)) = line.split_at_checked(4).filter(|(start, _)| start.eq_ignore_ascii_case("sep=")) else {
+        return Ok((None, text));
+    };
+    let body = rest.strip_prefix("\r\n").or_else(|| rest.strip_prefix(['\r', '\n'])).unwrap_or(rest);
+    match DELIMITERS.into_iter().find(|delimiter| stated.as_bytes() == [*delimiter]) {
+        Some(delimiter) => Ok((Some(delimiter), body)),
+        None => Err(format!("states in its first line (`{start}`) a delimiter that is not one of , ; | and tab: correct that line")),
+    }
+}
+
+/// The delimiter with which the header has most of these columns, and most cells.
+fn delimiter_of(body: &str, columns: &[&str]) -> u8 {
+    let fit = |delimiter: &u8| {
+        let mut reader =
+            csv::ReaderBuilder::new().has_headers(false).delimiter(*delimiter).trim(csv::Trim::All).from_reader(body.as_bytes());
+        let header = reader.records().next().and_then(std::result::Result::ok).unwrap_or_default();
+        (header.iter().filter(|title| columns.contains(title)).count(), header.len())
+    };
+    DELIMITERS.into_iter().max_by_key(fit).unwrap_or(b',')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_decoded() {
+        let utf16 = |of: fn(u16) -> [u8; 2]| "\u{feff}é,b\n".encode_utf16().flat_map(of).collect::<Vec<u8>>();
+        for bytes in [utf16(u16::to_le_bytes), utf16(u16::to_be_bytes), "\u{feff}é,b\n".as_bytes().to_vec(), "é,b\n".as_bytes().to_vec()]
+        {
+            assert_eq!(decode(bytes).as_deref(), Ok("é,b\n"));
+        }
+        for (bytes, says) in [
+            (&b"\xff\xfea"[..], "wrong character"),
+            (&b"\xfe\xff\xd8\x00"[..], "wrong character"),
+            (&b"\xff\xfe\0\0a\0\0\0"[..], "UTF-32"),
+            (&b"a\0,\0b\0"[..], "NUL"),
+            (&b"a,b\n\n1,\xff\n"[..], "line 3"),
+        ] {
+            let refused = decode(bytes.to_vec()).unwrap_err();
+            assert!(refused.contains(says), "{refused}");
+        }
+    }
+
+    #[test]
+    fn delimiters_are_stated_or_found() {
+        for (text, delimiter, body) in [
+            ("sep=;\na,b;c", Some(b';'), "a,b;c"),
+            ("SEP=\t\r\na", Some(b'\t'), "a"),
+            ("\"sep=,\"\ra", Some(b','), "a"),
+            ("sep=|", Some(b'|'), ""),
+            ("separate\na", None, "separate\na"),
+            ("é", None, "é"),
+        ] {
+            assert_eq!(stated_delimiter(text), Ok((delimiter, body)), "{text:?}");
+        }
+        for text in ["sep=\na", "sep=::\na", "sep=x\na"] {
+            assert!(stated_delimiter(text).is_err(), "{text:?}");
+        }
+        for (body, delimiter) in [
+            ("a,b\n1;2;3;4,5", b','),
+            ("a;b;c,d\n", b';'),
+            (" a \t b\n", b'\t'),
+            ("a|b", b'|'),
+            // The only column is there with any delimiter.
+            ("a\n1", b','),
+            // None of the columns is there: most cells.
+            ("x;y;z\n", b';'),
+            ("", b','),
+        ] {
+            assert_eq!(delimiter_of(body, &["a", "b"]), delimiter, "{body:?}");
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Why a file cannot be read. Each kind of reason has its own sentence, because each has another remedy.
+
+use std::fmt;
+use std::io;
+
+/// Why a file cannot be read. As text, it is one sentence without the name of the file; texts of decoders may contain control characters.
+#[derive(Debug)]
+pub enum Fault {
+    /// The operating system cannot read the file.
+    Io(io::Error),
+    /// The file ends too early, or contradicts itself or its format. Holds what is wrong, without a remedy.
+    Damaged(String),
+    /// The file is intact, but of a kind that cannot be used, or it does not fit the options. Holds what is wrong, and the remedy.
+    Unsupported(String),
+    /// The file is intact, but a limit is exceeded. Holds the limit, and the remedy.
+    TooLarge(String),
+}
+
+impl Fault {
+    /// The reason behind an I/O error of a decoder. Decoders report truncated and corrupt data as I/O errors, too, but without a number of the
+    /// operating system.
+    pub fn of_io(error: io::Error) -> Fault {
+        if error.raw_os_error().is_some() {
+            Fault::Io(error)
+        } else if error.kind() == io::ErrorKind::UnexpectedEof {
+            Fault::Damaged("it ends too early".to_owned())
+        } else {
+            Fault::Damaged(error.to_string())
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Fault::Io(source) => write!(f, "cannot be read: {source}"),
+            Fault::Damaged(what) => write!(f, "cannot be decoded ({what}); the file is truncated or damaged: copy or export it again"),
+            Fault::Unsupported(what) | Fault::TooLarge(what) => f.write_str(what),
+        }
+    }
+}
+
+impl std::error::Error for Fault {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Fault::Io(source) => Some(source),
+            Fault::Damaged(_) | Fault::Unsupported(_) | Fault::TooLarge(_) => None,
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Fills gaps in a heightmap with a membrane that is fastened to the rim of each gap.
+//!
+//! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), by Gauss-Seidel sweeps on a pyramid of grids, each half as
+//! fine as the one below it: cascadic multigrid (Bornemann and Deuflhard, *The cascadic multigrid method for elliptic problems*, 1996). At the edge of the
+//! map, missing neighbours are left out, so the membrane ends level there. The result is the same on every machine, and does not depend on threads.
+//!
+//! Limit: a membrane is smooth. It has no peaks, valleys or roughness of its own, and stays between the lowest and the highest height of the rim.
+
+/// Largest number of sweeps over the gaps of each grid.
+const SWEEPS: usize = 256;
+/// Sweeps end when no sample moves by more than this share of the range of heights.
+const STILL: f32 = 1e-6;
+
+/// Replaces the samples whose `void` is true, in an image that is `width` wide. At least one sample must have data.
+pub(super) fn fill(samples: &mut [f32], void: &[bool], width: usize) {
+    let known = samples.iter().zip(void).filter(|&(_, &is_void)| !is_void).map(|(&sample, _)| sample);
+    let (low, high) = known.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), sample| (low.min(sample), high.max(sample)));
+    let still = (high - low).max(0.0) * STILL;
+    descend(samples, void, width, still);
+}
+
+/// Fills a grid: guesses its gaps from the next coarser grid, then relaxes them.
+fn descend(samples: &mut [f32], void: &[bool], width: usize, still: f32) {
+    let height = samples.len() / width;
+    if !void.contains(&true) || samples.len() <= 1 {
+        return;
+    }
+    let (coarse_width, coarse_height) = (width.div_ceil(2), height.div_ceil(2));
+    let mut coarse = vec![0.0f32; coarse_width * coarse_height];
+    let mut coarse_void = vec![true; coarse.len()];
+    for (cell, (mean, is_void)) in coarse.iter_mut().zip(&mut coarse_void).enumerate() {
+        let (x, y) = (cell % coarse_width * 2, cell / coarse_width * 2);
+        let (mut sum, mut count) = (0.0f64, 0u32);
+        for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+            if x < width && y < height && !void[y * width + x] {
+                sum += f64::from(samples[y * width + x]);
+                count += 1;
+            }
+        }
+        if count > 0 {
+            (*mean, *is_void) = ((sum / f64::from(count)) as f32, false);
+        }
+    }
+    descend(&mut coarse, &coarse_void, coarse_width, still);
+    let gaps: Vec<usize> = (0..samples.len()).filter(|&index| void[index]).collect();
+    // Bilinear between the centres of the four nearest coarse cells: weights 3/4 and 1/4 along each axis.
+    let pair = |at: usize, count: usize| {
+        let near = at / 2;
+        let far = if at.is_multiple_of(2) { near.saturating_sub(1) } else { (near + 1).min(count - 1) };
+        [(near, 0.75f32), (far, 0.25)]
+    };
+    for &index in &gaps {
+        let mut sum = 0.0;
+        for (y, along_y) in pair(index / width, coarse_height) {
+            for (x, along_x) in pair(index % width, coarse_width) {
+                sum += along_x * along_y * coarse[y * coarse_width + x];
+            }
+        }
+        samples[index] = sum;
+    }
+    for _ in 0..SWEEPS {
+        let mut moved = 0.0f32;
+        for &index in &gaps {
+            let (x, y) = (index % width, index / width);
+            let neighbours = [
+                (x > 0).then(|| samples[index - 1]),
+                (x + 1 < width).then(|| samples[index + 1]),
+                (y > 0).then(|| samples[index - width]),
+                (y + 1 < height).then(|| samples[index + width]),
+            ];
+            let count = neighbours.iter().flatten().count();
+            let mean = neighbours.iter().flatten().map(|&sample| f64::from(sample)).sum::<f64>() / count as f64;
+            moved = moved.max((mean as f32 - samples[index]).abs());
+            samples[index] = mean as f32;
+        }
+        if moved <= still {
+            break;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(size: [usize; 2], height: impl Fn(usize, usize) -> f32, is_void: impl Fn(usize, usize) -> bool) -> Vec<f32> {
+        let places = (0..size[0] * size[1]).map(|index| (index % size[0], index / size[0]));
+        let void: Vec<bool> = places.clone().map(|(x, y)| is_void(x, y)).collect();
+        let mut samples: Vec<f32> = places.zip(&void).map(|((x, y), &is_void)| if is_void { f32::NAN } else { height(x, y) }).collect();
+        fill(&mut samples, &void, size[0]);
+        samples
+    }
+
+    #[test]
+    fn a_gap_in_a_plane_is_that_plane() {
+        let plane = |x: usize, y: usize| 100.0 + 3.0 * x as f32 - 2.0 * y as f32;
+        let gaps: [fn(usize, usize) -> bool; 3] = [
+            |x, y| (20..44).contains(&x) && (10..35).contains(&y),
+            |x, y| (x, y) == (31, 17),
+            |x, y| {
+                (x as i32 - 32).pow(2) + (y as i32 - 24).pow(2) < 400
+                    || (x + y).is_multiple_of(5) && (1..64).contains(&x) && (1..48).contains(&y)
+            },
+        ];
+        for (number, gap) in gaps.into_iter().enumerate() {
+            for (index, sample) in filled([65, 49], plane, gap).into_iter().enumerate() {
+                let truth = plane(index % 65, index / 65);
+                assert!((sample - truth).abs() < 0.05, "gap {number}, sample {index}: {sample} instead of {truth}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_membrane_stays_between_the_heights_of_its_rim() {
+        let bumpy = |x: usize, y: usize| 50.0 + 40.0 * (x as f32 * 0.7).sin() * (y as f32 * 0.4).cos();
+        let samples = filled([40, 30], bumpy, |x, y| x >= 20 || (x, y) == (3, 3));
+        assert!(samples.iter().all(|sample| (10.0..=90.0).contains(sample)));
+        let steps = samples.chunks(40).flat_map(|row| row[25..].windows(2).map(|pair| (pair[1] - pair[0]).abs()));
+        assert!(steps.fold(0.0, f32::max) < 3.0, "it is smooth away from the rim");
+        let single = filled([5, 4], |_, _| 7.0, |x, y| (x, y) != (4, 3));
+        assert!(single.iter().all(|&sample| (sample - 7.0).abs() < 1e-6));
+    }
+}

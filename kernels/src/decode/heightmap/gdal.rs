@@ -1,0 +1,175 @@
+//! The tags that GDAL adds to a TIFF: metadata as XML (42112) and the no-data value as text (42113).
+//!
+//! Source: GDAL, *GTiff -- GeoTIFF File Format*, "Internal nodata masks", "Metadata" and "Nodata value". The XML is a flat list of
+//! `<Item name="SCALE" sample="0" role="scale">0.1</Item>`, so it is read without an XML library.
+
+use super::scaling::Statement;
+use super::units::Unit;
+use crate::decode::fault::Fault;
+
+/// Returns scale, offset and unit of the first band.
+///
+/// # Errors
+/// A value is not a number, the scale is 0, the unit is unknown, or two items contradict each other.
+pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
+    let scale = number(xml, "scale")?;
+    // Subnormal numbers count as 0: dividing by them overflows.
+    if let Some(scale) = scale.filter(|scale| !scale.is_normal()) {
+        return Err(Fault::Unsupported(format!(
+            "the scale of its heights is {scale}; state the true one with gdal_translate -a_scale SCALE IN OUT.tif"
+        )));
+    }
+    let offset = number(xml, "offset")?;
+    let unit = match one(xml, "unittype")? {
+        None => None,
+        Some(name) if name.trim().is_empty() => None,
+        Some(name) => Some(Unit::of_name(&name).ok_or_else(|| {
+            Fault::Unsupported(format!(
+                "the unit of its heights, `{}`, is not known; convert the heights to metres, and state the unit m (gdal_edit.py -units m FILE)",
+                name.trim()
+            ))
+        })?),
+    };
+    Ok(Statement { scale, offset, unit })
+}
+
+/// The finite number of a role.
+fn number(xml: &str, role: &str) -> Result<Option<f64>, Fault> {
+    let Some(text) = one(xml, role)? else { return Ok(None) };
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(Some(value)),
+        _ => Err(Fault::Unsupported(format!(
+            "the {role} of its heights is `{}`, which is no number; state the true one with gdal_translate -a_{role} VALUE IN OUT.tif",
+            text.trim()
+        ))),
+    }
+}
+
+/// The text of the item with this role for the first band.
+fn one(xml: &str, role: &str) -> Result<Option<String>, Fault> {
+    let mut found: Option<String> = None;
+    for item in items(xml).filter(|item| item.role == role && (item.sample.is_empty() || item.sample == "0")) {
+        match &found {
+            Some(other) if *other != item.text => {
+                return Err(Fault::Damaged(format!("its metadata state two values of {role}: {other} and {}", item.text)));
+            }
+            _ => found = Some(item.text),
+        }
+    }
+    Ok(found)
+}
+
+struct Item {
+    /// In lower case.
+    role: String,
+    /// The band, counted from 0; empty if the item describes the file.
+    sample: String,
+    text: String,
+}
+
+/// The items of GDAL's metadata that have a role. What is not well formed ends the list.
+fn items(xml: &str) -> impl Iterator<Item = Item> + '_ {
+    let mut rest = xml;
+    std::iter::from_fn(move || {
+        loop {
+            let (_, from) = rest.split_once("<Item")?;
+            let (attributes, body) = from.split_once('>')?;
+            // An element without content ends in `/>`.
+            let (text, after) = if attributes.ends_with('/') { ("", body) } else { body.split_once("</Item>")? };
+            rest = after;
+            let role = attribute(attributes, "role").unwrap_or_default().to_lowercase();
+            if !role.is_empty() {
+                return Some(Item { role, sample: attribute(attributes, "sample").unwrap_or_default(), text: plain(text) });
+            }
+        }
+    })
+}
+
+/// The value of an attribute, in single or double quotes.
+fn attribute(attributes: &str, name: &str) -> Option<String> {
+    let mut rest = attributes;
+    loop {
+        let (key, after) = rest.split_once('=')?;
+        let after = after.trim_start();
+        let quote = after.chars().next().filter(|c| ['"', '\''].contains(c))?;
+        let (value, next) = after.get(1..)?.split_once(quote)?;
+        if key.trim() == name {
+            return Some(plain(value));
+        }
+        rest = next;
+    }
+}
+
+/// Replaces the predefined entities (XML 1.0, section 4.6).
+fn plain(text: &str) -> String {
+    let entities = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
+    entities.iter().fold(text.to_owned(), |text, (entity, character)| text.replace(entity, character))
+}
+
+/// The no-data value of tag 42113; None if the text is empty.
+///
+/// # Errors
+/// The text is not a number.
+pub(super) fn no_data(text: &str) -> Result<Option<f64>, Fault> {
+    let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+    if text.is_empty() {
+        return Ok(None);
+    }
+    text.parse().map(Some).map_err(|_| {
+        Fault::Unsupported(format!(
+            "its no-data value is `{text}`, which is no number; state the true one with gdal_edit.py -a_nodata VALUE FILE"
+        ))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(items: &str) -> Result<Statement, Fault> {
+        statement(&format!("<GDALMetadata>\n  {items}\n</GDALMetadata>"))
+    }
+
+    #[test]
+    fn scale_offset_and_unit_are_found_by_role() {
+        let all = "<Item name=\"OFFSET\" sample=\"0\" role=\"offset\">500</Item>\n<Item name='SCALE' sample='0' role='scale'>0.1</Item>\
+                   <Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">US survey foot</Item><Item name=\"SCALE\">7</Item>\
+                   <Item name=\"SCALE\" sample=\"1\" role=\"scale\">9</Item>";
+        let statement = told(all).expect("well formed");
+        assert_eq!((statement.scale, statement.offset, statement.unit), (Some(0.1), Some(500.0), Unit::of_name("us-ft")));
+        let none = told("<Item name=\"AREA_OR_POINT\">Area</Item>").expect("well formed");
+        assert_eq!((none.scale, none.offset, none.unit), (None, None, None));
+        let twice = told("<Item role=\"scale\">2</Item><Item role=\"scale\" sample=\"0\">2</Item>").expect("the same twice");
+        assert_eq!(twice.scale, Some(2.0));
+        let negative = told("<Item role=\"scale\" sample=\"0\">-1</Item>").expect("GDAL applies it");
+        assert_eq!(negative.scale, Some(-1.0));
+    }
+
+    #[test]
+    fn values_that_mean_nothing_are_refused() {
+        for (items, words) in [
+            ("<Item role=\"scale\">0</Item>", "scale of its heights is 0"),
+            ("<Item role=\"scale\">nan</Item>", "no number"),
+            ("<Item role=\"scale\">inf</Item>", "no number"),
+            ("<Item role=\"scale\">1e-320</Item>", "scale of its heights"),
+            ("<Item role=\"offset\">x</Item>", "offset of its heights is `x`"),
+            ("<Item role=\"unittype\">fathom &amp; more</Item>", "`fathom & more`"),
+            ("<Item role=\"scale\">1</Item><Item role=\"scale\">2</Item>", "two values of scale: 1 and 2"),
+        ] {
+            let text = told(items).expect_err(items).to_string();
+            assert!(text.contains(words), "{items}: {text}");
+        }
+        for broken in ["<Item role=\"scale\">1", "<Item role=scale>1</Item>", "<Item", "<Item role=\"scale\"/>"] {
+            assert!(!matches!(told(broken), Ok(Statement { scale: Some(_), .. })), "{broken}");
+        }
+    }
+
+    #[test]
+    fn no_data_values_are_numbers() {
+        assert_eq!(no_data("-9999\0").expect("a number"), Some(-9999.0));
+        assert_eq!(no_data(" 1e+20 ").expect("a number"), Some(1e20));
+        assert!(no_data("nan\0").expect("a number").is_some_and(f64::is_nan));
+        assert_eq!(no_data("\0").expect("nothing"), None);
+        assert!(no_data("none").is_err());
+    }
+}

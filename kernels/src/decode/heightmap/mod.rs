@@ -1,0 +1,267 @@
+//! Heightmaps from files: 16-bit PNG, RAW (16-bit integers or 32-bit floats), OpenEXR and (Geo)TIFF.
+//!
+//! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a file
+//! that is too large is refused before memory is allocated for it.
+//!
+//! The reader of each format returns the samples as they are stored, and all that the file says about them (`raster.rs`). Then, in this order: samples
+//! without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Whatever a file says is applied, or the
+//! file is refused in one line; a [`Report`] says what was understood.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Seek};
+use std::path::{Path, PathBuf};
+
+use crate::base::error::{Error, Result, one_line};
+use crate::decode::fault::Fault;
+use depth::Depth;
+use options::Format;
+use raster::Raster;
+use scaling::Statement;
+
+mod channels;
+mod depth;
+mod fill;
+mod gdal;
+mod geotiff;
+mod options;
+mod png;
+mod raster;
+mod raw;
+mod report;
+mod scaling;
+mod spacing;
+mod tiff;
+mod units;
+mod voids;
+
+pub use options::{MAX_SIDE, NoData, ReadOptions, Voids};
+pub use report::Report;
+
+/// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
+const MAX_ELEVATION_M: f32 = 100_000.0;
+
+/// Relief, in metres, up to which floats may be normalised to 0..1 instead of metres.
+const NORMALISED_RELIEF_M: f64 = 1.0;
+
+/// Step between neighbouring half floats from which on a note says that precision is lost, metres.
+const COARSE_STEP_M: f64 = 0.25;
+
+/// Elevations on a regular grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heightmap {
+    /// Samples from west to east, at least 2.
+    pub width: u32,
+    /// Samples from north to south, at least 2.
+    pub height: u32,
+    /// Distance between neighbouring samples, metres.
+    pub metres_per_texel: f64,
+    /// Elevations in metres, row by row, row 0 = north.
+    pub samples: Vec<f32>,
+}
+
+/// A heightmap, and what was understood of its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// The heightmap. All samples are finite.
+    pub map: Heightmap,
+    /// What was understood.
+    pub report: Report,
+    /// Columns and rows of the samples that have no data and shall be holes in the ground; empty unless [`Voids::Holes`] is asked for. They are filled
+    /// in the map.
+    pub holes: Vec<[u32; 2]>,
+}
+
+impl Heightmap {
+    /// Width (west to east) and depth (south to north) of the covered area, metres.
+    pub fn extent_m(&self) -> [f64; 2] {
+        [self.width, self.height].map(|n| f64::from(n - 1) * self.metres_per_texel)
+    }
+
+    /// Lowest and highest sample, metres.
+    pub fn elevation_range_m(&self) -> (f64, f64) {
+        let fold = |(low, high): (f32, f32), &s: &f32| (low.min(s), high.max(s));
+        let (low, high) = self.samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), fold);
+        (f64::from(low), f64::from(high))
+    }
+
+    /// Elevation (metres) and its derivatives along x (east) and y (north) at a position relative to the centre of the map, by bicubic
+    /// Catmull-Rom interpolation (Catmull & Rom 1974). A position outside the map is moved to the nearest point on its edge.
+    pub fn sample(&self, x: f64, y: f64) -> (f64, f64, f64) {
+        let extent = self.extent_m();
+        let place = |v: f64, extent: f64, count: u32| {
+            let at = ((v + extent / 2.0) / self.metres_per_texel).clamp(0.0, f64::from(count - 1));
+            let cell = at.floor().min(f64::from(count - 2));
+            (cell as i64, at - cell)
+        };
+        let (column, u) = place(x, extent[0], self.width);
+        let (row, v) = place(-y, extent[1], self.height);
+        let ((wu, du), (wv, dv)) = (catmull_rom(u), catmull_rom(v));
+        let (width, last_column, last_row) = (self.width as usize, i64::from(self.width) - 1, i64::from(self.height) - 1);
+        let columns: [usize; 4] = std::array::from_fn(|i| (column + i as i64 - 1).clamp(0, last_column) as usize);
+        let (mut value, mut dx, mut dy) = (0.0, 0.0, 0.0);
+        for j in 0..4 {
+            let start = (row + j as i64 - 1).clamp(0, last_row) as usize * width;
+            let (mut line, mut slope) = (0.0, 0.0);
+            for i in 0..4 {
+                let s = f64::from(self.samples[start + columns[i]]);
+                line += wu[i] * s;
+                slope += du[i] * s;
+            }
+            value += wv[j] * line;
+            dx += wv[j] * slope;
+            dy += dv[j] * line;
+        }
+        (value, dx / self.metres_per_texel, -dy / self.metres_per_texel)
+    }
+
+    /// Steepest slope (tangent) of all triangles between neighbouring samples. Both ways to split a square into two triangles are included.
+    pub fn max_slope(&self) -> f64 {
+        let width = self.width as usize;
+        let mut steepest = 0.0f64;
+        for rows in self.samples.windows(2 * width).step_by(width) {
+            for i in 0..width - 1 {
+                let corner = |k: usize| f64::from(rows[k / 2 * width + i + k % 2]);
+                let [a, b, c, d] = [corner(0), corner(1), corner(2), corner(3)];
+                for (east, north) in [(b - a, c - a), (b - a, d - b), (d - c, c - a), (d - c, d - b)] {
+                    steepest = steepest.max(east * east + north * north);
+                }
+            }
+        }
+        steepest.sqrt() / self.metres_per_texel
+    }
+}
+
+/// Returns the weights of four samples at -1, 0, 1, 2 for a point at t in 0..=1, and the derivatives of these weights.
+fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
+    let (t2, t3) = (t * t, t * t * t);
+    (
+        [0.5 * (-t3 + 2.0 * t2 - t), 0.5 * (3.0 * t3 - 5.0 * t2 + 2.0), 0.5 * (-3.0 * t3 + 4.0 * t2 + t), 0.5 * (t3 - t2)],
+        [0.5 * (-3.0 * t2 + 4.0 * t - 1.0), 0.5 * (9.0 * t2 - 10.0 * t), 0.5 * (-9.0 * t2 + 8.0 * t + 1.0), 0.5 * (3.0 * t2 - 2.0 * t)],
+    )
+}
+
+/// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `r32`, `bin`, `exr`, `tif`, `tiff`).
+///
+/// # Errors
+/// [`Error::File`] if the operating system cannot read the file. [`Error::Heightmap`] if the file is damaged or of a kind that is not supported; if it is
+/// too large; if what it says about its samples contradicts itself or the options, or cannot be applied; if an option does not apply to it; if the
+/// spacing or the meaning of its samples is not known; if samples have no data, and shall not be filled; if samples are beyond 100 000 m; or if all
+/// samples are equal.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
+    let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
+    let mut reading = decode(BufReader::new(file), path, options)?;
+    for suffix in ["aux.xml", "msk"] {
+        let beside = PathBuf::from(format!("{}.{suffix}", path.display()));
+        if let Some(name) = beside.file_name().filter(|_| beside.is_file()) {
+            reading.report.notes.push(one_line(&format!("the file {} beside it is not read", name.to_string_lossy())));
+        }
+    }
+    Ok(reading)
+}
+
+/// Reads a heightmap from the contents of a file. `path` is used in messages, and its extension determines the format, as in [`read`].
+///
+/// # Errors
+/// The same errors as [`read`].
+pub fn decode(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) -> Result<Reading> {
+    understand(input, path, options).map_err(|fault| match fault {
+        Fault::Io(source) => Error::File { file: path.to_owned(), source },
+        other => Error::Heightmap { file: path.to_owned(), what: one_line(&other.to_string()) },
+    })
+}
+
+fn understand(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) -> std::result::Result<Reading, Fault> {
+    let format = Format::of(path)?;
+    options.check(format)?;
+    let raster = match format {
+        Format::Png => png::read(input, options),
+        Format::Raw => raw::read(input, options, Depth::Unsigned16),
+        Format::RawFloat => raw::read(input, options, Depth::Single),
+        Format::OpenExr => channels::read(input, options),
+        Format::Tiff => tiff::read(input, options),
+    }?;
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    finish(raster, &name, options)
+}
+
+/// Makes a heightmap of stored samples.
+fn finish(raster: Raster, name: &str, options: &ReadOptions) -> std::result::Result<Reading, Fault> {
+    let found = voids::find(&raster, &options.no_data, options.voids)?;
+    let spacing = raster.spacing.resolve(options.metres_per_texel)?;
+    let count = raster.stored.len();
+    let has_data = |index: &usize| found.has_data(*index);
+    let stored = range((0..count).filter(has_data).map(|index| raster.stored.at(index)));
+    let mapping = scaling::mapping(raster.depth, &raster.statement, stored, options.height_range_m)?;
+    let metres = |index: usize| (raster.stored.at(index) * mapping.scale + mapping.offset) as f32;
+    if let Some(index) = (0..count).filter(has_data).find(|&index| !(-MAX_ELEVATION_M..=MAX_ELEVATION_M).contains(&metres(index))) {
+        return Err(Fault::Unsupported(format!(
+            "the sample at {} is {} m, which is no elevation on Earth; name a value that marks missing data with --no-data, or correct --height-range \
+             or the unit of the file",
+            raster.place(index),
+            metres(index)
+        )));
+    }
+    let elevations_m = range((0..count).filter(has_data).map(|index| f64::from(metres(index))));
+    let [low, high] = elevations_m;
+    if low >= high {
+        return Err(Fault::Unsupported(format!(
+            "all samples are {low} m: there is no relief; check that the right channel and bit depth were exported"
+        )));
+    }
+    let mut notes = raster.notes.clone();
+    notes.extend(found.notes.iter().cloned());
+    notes.extend(spacing.note);
+    notes.extend(mapping.note);
+    notes.extend(voids::remark(&raster, &found));
+    if raster.depth == Depth::Half {
+        notes.extend(note_of_half(stored, mapping.scale.abs()));
+    }
+    let is_plain_float = raster.depth.is_float() && raster.statement == Statement::default() && options.height_range_m.is_none();
+    if is_plain_float && high - low <= NORMALISED_RELIEF_M {
+        notes.push(format!(
+            "the whole relief is {} m; if the samples are normalised to 0..1, give their elevations with --height-range LOW,HIGH",
+            high - low
+        ));
+    }
+    let fate = if options.voids == Voids::Holes { "holes in the ground" } else { "filled with a membrane" };
+    let report = Report {
+        file: one_line(&format!("{name}, {}", raster.format)),
+        file_size: raster.file_size,
+        window: raster.window,
+        spacing_m: spacing.metres,
+        spacing_from: spacing.from,
+        stored: stored.map(|sample| raster.stored.shown(sample)),
+        elevations_m,
+        mapping: mapping.how,
+        orientation: raster.orientation.to_owned(),
+        void_count: found.count,
+        voids: if found.count == 0 { "no sample".to_owned() } else { format!("{fate}: {}", found.words) },
+        notes: notes.iter().map(|note| one_line(note)).collect(),
+    };
+    let [_, _, width, height] = raster.window;
+    let mut samples = raster.stored.scaled(mapping.scale, mapping.offset);
+    let mut holes = Vec::new();
+    if found.count > 0 {
+        fill::fill(&mut samples, &found.mask, width as usize);
+        if options.voids == Voids::Holes {
+            holes.extend((0..count).filter(|index| !found.has_data(*index)).map(|index| [index as u32 % width, index as u32 / width]));
+        }
+    }
+    Ok(Reading { map: Heightmap { width, height, metres_per_texel: spacing.metres, samples }, report, holes })
+}
+
+/// Lowest and highest value.
+fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+}
+
+/// A note about the precision of half floats in this range, if it is low. `scale`: metres per unit.
+///
+/// Between 2^e and 2^(e + 1), half floats are 2^(e - 10) apart (IEEE 754 binary16), and below 2^-14, 2^-24.
+fn note_of_half([low, high]: [f64; 2], scale: f64) -> Option<String> {
+    let largest = low.abs().max(high.abs());
+    let exponent = largest.log2().ceil() - 1.0;
+    let step = (exponent.max(-14.0) - 10.0).exp2() * scale;
+    (step > COARSE_STEP_M)
+        .then(|| format!("half floats: the highest elevations are in steps of {step} m; export 32-bit floats for more precision"))
+}

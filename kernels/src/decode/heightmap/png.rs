@@ -1,0 +1,168 @@
+//! 16-bit PNG files (PNG specification, third edition).
+
+use std::io::{BufRead, Seek, SeekFrom};
+
+use image::codecs::png::PngDecoder;
+use image::{ColorType, ImageDecoder, ImageError};
+
+use super::depth::Depth;
+use super::options::ReadOptions;
+use super::raster::{Absent, Raster, Stored, crop};
+use super::scaling::Statement;
+use super::spacing::Spacing;
+use crate::decode::fault::Fault;
+
+/// Bytes of the signature and of the header up to the type of colour.
+const START: usize = 26;
+/// Limit of the factor by which Deflate compresses, rounded up (RFC 1951: 258 bytes from 2 bits).
+const MOST_COMPRESSED: u64 = 1100;
+
+/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data, and so has a
+/// grey level that the file declares as transparent (chunk tRNS; GDAL writes its no-data value so).
+pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
+    let mut start = [0; START];
+    input.read_exact(&mut start).and_then(|()| input.rewind()).map_err(Fault::of_io)?;
+    let (bits, colour) = (start[24], start[25]);
+    let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length)).map_err(Fault::of_io)?;
+    let decoder = PngDecoder::new(input).map_err(fault)?;
+    let (width, height) = decoder.dimensions();
+    let window = options.window_of([width, height], false)?;
+    // A damaged header can claim any size, so memory is allocated only for as much as the file can hold.
+    if decoder.total_bytes() / MOST_COMPRESSED > length {
+        return Err(Fault::Damaged(format!("it states {width} x {height} pixels, but has only {length} bytes")));
+    }
+    let kind = kind(bits, colour);
+    if bits != 16 {
+        let looks = if decoder.color_type() == ColorType::Rgb8 { packed(decoder)? } else { None };
+        return Err(match looks {
+            Some((name, formula)) => Fault::Unsupported(format!(
+                "its pixels are {kind}, which look like {name}; decode them with \
+                 gdal_calc.py -R IN --R_band=1 -G IN --G_band=2 -B IN --B_band=3 --type=Float32 --calc=\"{formula}\" --outfile=OUT.tif"
+            )),
+            None => Fault::Unsupported(format!(
+                "its samples are {kind}, but must have 16 bits: 8 bits are 256 levels, which show as terraces; export the heightmap as 16-bit greyscale"
+            )),
+        });
+    }
+    let channels = usize::from(decoder.color_type().channel_count());
+    let mut bytes = vec![0; width as usize * height as usize * channels * 2];
+    decoder.read_image(&mut bytes).map_err(fault)?;
+    let (pairs, _) = bytes.as_chunks::<2>();
+    let mut samples = Vec::with_capacity(width as usize * height as usize);
+    let mut absent = Vec::new();
+    for (index, pixel) in pairs.chunks_exact(channels).enumerate() {
+        let value = |channel: usize| u16::from_ne_bytes(pixel[channel]);
+        let place = || format!("column {}, row {}", index % width as usize, index / width as usize);
+        if channels >= 3 && (value(0) != value(1) || value(1) != value(2)) {
+            return Err(Fault::Unsupported(format!(
+                "its pixels are {kind}, and red, green and blue differ (first at {}: {}, {}, {}), so none of them is a height; export 16-bit greyscale",
+                place(),
+                value(0),
+                value(1),
+                value(2)
+            )));
+        }
+        samples.push(f32::from(value(0)));
+        if channels.is_multiple_of(2) {
+            match value(channels - 1) {
+                u16::MAX => absent.push(None),
+                0 => absent.push(Some(Absent::Transparent)),
+                alpha => {
+                    return Err(Fault::Unsupported(format!(
+                        "its pixels are partly transparent (first at {}: alpha {alpha} of 65535), and a height is there or not; \
+                         export 16-bit greyscale without alpha",
+                        place()
+                    )));
+                }
+            }
+        }
+    }
+    if !absent.contains(&Some(Absent::Transparent)) {
+        absent.clear();
+    }
+    let absent = if absent.is_empty() { absent } else { crop(absent, width, window) };
+    Ok(Raster {
+        format: format!("PNG, {kind}"),
+        file_size: [width, height],
+        window,
+        depth: Depth::Unsigned16,
+        holds_codes: true,
+        stored: Stored::Single(crop(samples, width, window)),
+        absent,
+        no_data: None,
+        statement: Statement::default(),
+        spacing: Spacing::Unknown,
+        orientation: "row 0 is taken as north",
+        notes: Vec::new(),
+    })
+}
+
+/// Bits and type of colour of the header (section 11.2.1), in words.
+fn kind(bits: u8, colour: u8) -> String {
+    let colour = match colour {
+        0 => "grey",
+        2 => "colour",
+        3 => "palette",
+        4 => "grey with alpha",
+        6 => "colour with alpha",
+        _ => "unknown",
+    };
+    format!("{bits}-bit {colour}")
+}
+
+/// Name and formula of an encoding of elevations in 8-bit colours, if the picture looks like one.
+///
+/// The low byte of such an encoding jumps from pixel to pixel, but the decoded elevations are smooth. In a photograph, all channels are smooth.
+fn packed(decoder: PngDecoder<impl BufRead + Seek>) -> Result<Option<(&'static str, &'static str)>, Fault> {
+    let width = decoder.dimensions().0 as usize;
+    let mut bytes = vec![0; width * decoder.dimensions().1 as usize * 3];
+    decoder.read_image(&mut bytes).map_err(fault)?;
+    let (pixels, _) = bytes.as_chunks::<3>();
+    let low_byte = roughness(pixels, width, |[_, green, _]| f64::from(green)).max(roughness(pixels, width, |[_, _, blue]| f64::from(blue)));
+    let number = |[red, green, blue]: [u8; 3], weights: [f64; 3]| {
+        f64::from(red) * weights[0] + f64::from(green) * weights[1] + f64::from(blue) * weights[2]
+    };
+    let elevations = -11_500.0..=9000.0;
+    let encodings = [
+        ("Terrarium tiles, elevations in metres", "R*256.0+G+B/256.0-32768", [256.0, 1.0, 1.0 / 256.0], -32_768.0, Some(&elevations)),
+        (
+            "Mapbox Terrain-RGB tiles, elevations in metres",
+            "(R*65536.0+G*256.0+B)*0.1-10000",
+            [6553.6, 25.6, 0.1],
+            -10_000.0,
+            Some(&elevations),
+        ),
+        ("16-bit numbers whose high byte is red and whose low byte is green", "R*256.0+G", [256.0, 1.0, 0.0], 0.0, None),
+    ];
+    let mut fitting = encodings.into_iter().filter(|&(_, _, weights, offset, limits)| {
+        limits.is_none_or(|limits| pixels.iter().all(|&pixel| limits.contains(&(number(pixel, weights) + offset))))
+            && roughness(pixels, width, |pixel| number(pixel, weights)) < 0.25 * low_byte
+    });
+    Ok(fitting.next().map(|(name, formula, ..)| (name, formula)))
+}
+
+/// Mean difference of a value between neighbours in a row, divided by the range of the value; 0 if all are equal.
+fn roughness(pixels: &[[u8; 3]], width: usize, value: impl Fn([u8; 3]) -> f64) -> f64 {
+    let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
+    for row in pixels.chunks(width) {
+        for pair in row.windows(2) {
+            let (a, b) = (value(pair[0]), value(pair[1]));
+            (low, high) = (low.min(a).min(b), high.max(a).max(b));
+            sum += (a - b).abs();
+            count += 1.0;
+        }
+    }
+    if high > low { sum / count / (high - low) } else { 0.0 }
+}
+
+/// The decoder's error in our words.
+fn fault(error: ImageError) -> Fault {
+    match error {
+        ImageError::IoError(source) => Fault::of_io(source),
+        ImageError::Unsupported(what) => {
+            Fault::Unsupported(format!("its pixels are of a kind that is not supported ({what}); export the heightmap as 16-bit greyscale"))
+        }
+        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}); convert it to .tif or .raw and give a window")),
+        other => Fault::Damaged(other.to_string()),
+    }
+}

@@ -1,0 +1,104 @@
+//! The distance between samples: from the file, or from the user.
+
+use super::options::MAX_SPACING_M;
+use crate::decode::fault::Fault;
+
+/// Largest relative difference between the spacing that the file states and the one that the user gives. People round to three digits or more.
+const SAME: f64 = 1e-3;
+
+/// What a file says about the distance between its samples.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Spacing {
+    /// Nothing.
+    Unknown,
+    /// A number without a unit of length.
+    WithoutUnit(f64),
+    /// The distance.
+    Stated {
+        metres: f64,
+        /// How the file states it, in words.
+        how: String,
+    },
+}
+
+/// The distance between samples of a world.
+#[derive(Debug)]
+pub(super) struct Resolved {
+    /// In metres, above 0 and at most 100 000.
+    pub(super) metres: f64,
+    /// Where it is from, in words.
+    pub(super) from: String,
+    /// What the user should know.
+    pub(super) note: Option<String>,
+}
+
+impl Spacing {
+    /// The spacing of the world. `given`: metres, as the user gives them.
+    pub(super) fn resolve(&self, given: Option<f64>) -> Result<Resolved, Fault> {
+        let given_only = |metres: f64, note: Option<String>| Ok(Resolved { metres, from: "as given".to_owned(), note });
+        match (self, given) {
+            (Spacing::Stated { metres, how }, _) => {
+                let metres = *metres;
+                if !(metres > 0.0 && metres <= MAX_SPACING_M) {
+                    return Err(Fault::Unsupported(format!(
+                        "the file says that its samples are {metres} m apart; a spacing must be above 0 and at most {MAX_SPACING_M} m: correct the file"
+                    )));
+                }
+                if let Some(given) = given.filter(|given| !is_same(*given, metres)) {
+                    return Err(Fault::Unsupported(format!(
+                        "--metres-per-texel {given} contradicts the file, which says {metres} m ({how}); leave the option out, or correct the file"
+                    )));
+                }
+                Ok(Resolved { metres, from: format!("from the file: {how}"), note: None })
+            }
+            (Spacing::WithoutUnit(stated), Some(given)) => {
+                let note = (!is_same(*stated, given))
+                    .then(|| format!("the file states a spacing of {stated} without a unit; the {given} m of --metres-per-texel are used"));
+                given_only(given, note)
+            }
+            (Spacing::Unknown, Some(given)) => given_only(given, None),
+            (Spacing::WithoutUnit(stated), None) => Err(Fault::Unsupported(format!(
+                "the file states a spacing of {stated}, but not its unit; give --metres-per-texel, for example {stated} if the unit is the metre"
+            ))),
+            (Spacing::Unknown, None) => {
+                Err(Fault::Unsupported("the file does not say how far apart its samples are; give --metres-per-texel METRES".to_owned()))
+            }
+        }
+    }
+}
+
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME * a.abs().max(b.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_decides_and_the_user_may_not_contradict_it() {
+        let feet = Spacing::Stated { metres: 12_000.0 / 3937.0, how: "10 US survey foot".to_owned() };
+        for given in [None, Some(3.048), Some(3.05)] {
+            let resolved = feet.resolve(given).expect("no contradiction");
+            assert!((resolved.metres - 3.048_006_096).abs() < 1e-9 && resolved.from.contains("10 US survey foot"));
+        }
+        for given in [3.04, 10.0, 30.0] {
+            let text = feet.resolve(Some(given)).expect_err("a contradiction").to_string();
+            assert!(text.contains(&format!("--metres-per-texel {given} contradicts")) && text.contains("3.048"), "{text}");
+        }
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 2e5] {
+            let spacing = Spacing::Stated { metres: wrong, how: String::new() };
+            assert!(spacing.resolve(None).is_err() && spacing.resolve(Some(10.0)).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_spacing_that_nobody_states_is_asked_for() {
+        assert!(Spacing::Unknown.resolve(None).expect_err("unknown").to_string().contains("--metres-per-texel"));
+        assert!(Spacing::WithoutUnit(25.0).resolve(None).expect_err("no unit").to_string().contains("25, but not its unit"));
+        assert!(Spacing::Unknown.resolve(Some(4.0)).expect("given").note.is_none());
+        assert!(Spacing::WithoutUnit(25.0).resolve(Some(25.0)).expect("the same").note.is_none());
+        let other = Spacing::WithoutUnit(25.0).resolve(Some(7.62)).expect("given");
+        assert!((other.metres - 7.62).abs() < 1e-12 && other.note.is_some_and(|note| note.contains("25 without a unit")));
+    }
+}

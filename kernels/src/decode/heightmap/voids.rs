@@ -1,0 +1,392 @@
+//! Samples without data. Values are compared as they are stored, before they become metres.
+
+use super::depth::Depth;
+use super::options::{NoData, Voids};
+use super::raster::{Absent, Raster};
+use crate::decode::fault::Fault;
+
+/// Values that often mark missing data in files that do not say so: of ESRI, SRTM, Mapbox and others, and the ends of the range of 16-bit integers.
+const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
+/// The marker of 16-bit unsigned integers.
+const UNSIGNED_MARKER: f64 = 65_535.0;
+/// A marker counts as one only if it is farther from all other samples than this share of their range. So real ground of -9999 dm is kept, because
+/// ground is there at -9998 dm, too.
+const MARKER_GAP: f64 = 1.0 / 64.0;
+/// The same for [`UNSIGNED_MARKER`], which is also the upper limit of clipped ground.
+const UNSIGNED_MARKER_GAP: f64 = 1.0;
+
+/// From this absolute value on, a float is no elevation in any unit.
+const HUGE: f64 = 1e10;
+
+/// Number of samples from which quartiles are estimated.
+const SURVEYED: usize = 1 << 16;
+/// Samples that lie more than this many interquartile ranges outside the quartiles are far outside (the outer fences of Tukey, *Exploratory Data
+/// Analysis*, 1977).
+const FENCE: f64 = 3.0;
+
+/// The samples without data, and why.
+#[derive(Default)]
+pub(super) struct Found {
+    /// Whether each sample has no data; empty if all have some.
+    pub(super) mask: Vec<bool>,
+    pub(super) count: usize,
+    /// The reasons with their counts, and the place of the first sample, in words; empty if all samples have data.
+    pub(super) words: String,
+    /// What the user should know, one line each.
+    pub(super) notes: Vec<String>,
+}
+
+impl Found {
+    /// Whether a sample has data.
+    pub(super) fn has_data(&self, index: usize) -> bool {
+        self.mask.get(index).is_none_or(|&is_void| !is_void)
+    }
+}
+
+/// A reason why samples have no data.
+struct Cause {
+    what: String,
+    count: usize,
+    first: usize,
+}
+
+/// Finds the samples without data.
+///
+/// # Errors
+/// A value occurs that usually marks missing data, but neither the file nor the user says so; no sample has data; or there are samples without data, and
+/// they shall not be filled.
+pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Found, Fault> {
+    let stored = &raster.stored;
+    let mut named: Vec<(f64, &str)> = Vec::new();
+    let mut looks_for_marks = !raster.holds_codes;
+    match no_data {
+        NoData::Stated => named.extend(raster.no_data.map(|value| (value, "its no-data value"))),
+        NoData::Named(values) => {
+            named.extend(raster.no_data.map(|value| (value, "its no-data value")));
+            named.extend(values.iter().map(|&value| (value, "the value of --no-data")));
+        }
+        NoData::Nothing => looks_for_marks = false,
+    }
+    let fixed = [
+        "in strips or tiles that are not in the file",
+        "that its mask hides",
+        "that are transparent",
+        "that are NaN",
+        "that are infinite",
+        "",
+    ];
+    let mut causes: Vec<Cause> = fixed.iter().map(|what| Cause { what: (*what).to_owned(), count: 0, first: 0 }).collect();
+    causes.extend(named.iter().map(|(value, whose)| Cause { what: format!("with {whose} {}", stored.shown(*value)), count: 0, first: 0 }));
+    let mut found = Found::default();
+    for index in 0..stored.len() {
+        let value = stored.at(index);
+        let cause = match raster.absent.get(index).copied().flatten() {
+            Some(Absent::Missing) => Some(0),
+            Some(Absent::Masked) => Some(1),
+            Some(Absent::Transparent) if matches!(no_data, NoData::Nothing) => None,
+            Some(Absent::Transparent) => Some(2),
+            None if value.is_nan() => Some(3),
+            None if value.is_infinite() => Some(4),
+            None => match named.iter().position(|&(no_data, _)| stored.is(value, no_data)) {
+                Some(position) => Some(fixed.len() + position),
+                None if value.abs() >= HUGE => Some(5),
+                None => None,
+            },
+        };
+        if let Some(cause) = cause.and_then(|cause| causes.get_mut(cause)) {
+            if found.mask.is_empty() {
+                found.mask = vec![false; stored.len()];
+            }
+            found.mask[index] = true;
+            found.count += 1;
+            if cause.count == 0 {
+                cause.first = index;
+                if cause.what.is_empty() {
+                    cause.what = format!("with values such as {}, which is no elevation", stored.shown(value));
+                }
+            }
+            cause.count += 1;
+        }
+    }
+    if looks_for_marks {
+        refuse_marks(raster, &found)?;
+    }
+    if let NoData::Named(values) = no_data {
+        // The last causes are those of the named values, in their order.
+        let unused = values.iter().zip(&causes[causes.len() - values.len()..]).filter(|(_, cause)| cause.count == 0);
+        found.notes = unused.map(|(value, _)| format!("no sample has the value {} of --no-data", stored.shown(*value))).collect();
+    }
+    causes.retain(|cause| cause.count > 0);
+    let reasons: Vec<String> = causes.iter().map(|cause| format!("{} {}", cause.count, cause.what)).collect();
+    let Some(first) = causes.iter().map(|cause| cause.first).min() else { return Ok(found) };
+    found.words = format!("{}; the first at {}", reasons.join(", "), raster.place(first));
+    if found.count == stored.len() {
+        return Err(Fault::Unsupported(format!("no sample has data ({}); read another file or --window", found.words)));
+    }
+    match voids {
+        Voids::Refuse => Err(Fault::Unsupported(format!(
+            "{} of {} samples have no data: {}; fill them with --fill-voids, open them with --holes, or give a --window without them",
+            found.count,
+            stored.len(),
+            found.words
+        ))),
+        Voids::Fill | Voids::Holes => Ok(found),
+    }
+}
+
+/// The values that usually mark missing data in samples of a kind, with the share of the range of all others that must lie between.
+fn markers(depth: Depth) -> impl Iterator<Item = (f64, f64)> {
+    let unsigned = (depth == Depth::Unsigned16).then_some((UNSIGNED_MARKER, UNSIGNED_MARKER_GAP));
+    let usual = MARKERS.into_iter().map(|marker| (marker, MARKER_GAP)).filter(move |_| depth != Depth::Unsigned16);
+    let ends = depth.limits().filter(|_| depth == Depth::Signed32).into_iter().flatten().map(|end| (end, MARKER_GAP));
+    usual.chain(unsigned).chain(ends)
+}
+
+/// Refuses values that usually mark missing data, if they lie apart from all other samples.
+fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
+    let stored = &raster.stored;
+    let mut marks: Vec<(f64, f64, Cause)> =
+        markers(raster.depth).map(|(marker, gap)| (marker, gap, Cause { what: stored.shown(marker), count: 0, first: 0 })).collect();
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for index in (0..stored.len()).filter(|&index| found.has_data(index)) {
+        let value = stored.at(index);
+        match marks.iter_mut().find(|(marker, ..)| *marker == value) {
+            Some((.., cause)) => {
+                if cause.count == 0 {
+                    cause.first = index;
+                }
+                cause.count += 1;
+            }
+            None => (low, high) = (low.min(value), high.max(value)),
+        }
+    }
+    marks.retain(|(marker, gap, cause)| {
+        let gap = gap * (high - low).max(0.0);
+        cause.count > 0 && (*marker < low - gap || *marker > high + gap)
+    });
+    let Some(first) = marks.iter().map(|(.., cause)| cause.first).min() else { return Ok(()) };
+    let counts: Vec<String> = marks.iter().map(|(.., cause)| format!("{} samples have the value {}", cause.count, cause.what)).collect();
+    let options: Vec<String> = marks.iter().map(|(.., cause)| format!("--no-data {}", cause.what)).collect();
+    Err(Fault::Unsupported(format!(
+        "{}, the first at {}, which usually marks missing data, but the file does not say so; give {} if it does (with --fill-voids or --holes), \
+         or --no-data none if it is ground",
+        counts.join(", "),
+        raster.place(first),
+        options.join(" ")
+    )))
+}
+
+/// Returns a remark about samples that are far from all others, if there are such samples on either side.
+///
+/// Far means: outside the outer fences, three interquartile ranges beyond the quartiles, with a gap of at least three interquartile ranges between them
+/// and all samples inside. Steep ground has no such gap: its samples lie on both sides of a fence. Samples that are equal to the median are left out if
+/// they are so many that the quartiles are equal. At most a quarter of the samples can be found in this way.
+pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
+    let stored = &raster.stored;
+    let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));
+    let step = stored.len().div_ceil(SURVEYED);
+    let mut surveyed: Vec<f64> = values().map(|(_, value)| value).step_by(step).collect();
+    surveyed.sort_by(f64::total_cmp);
+    let quarter = |sorted: &[f64], quarters: usize| sorted.get(sorted.len() * quarters / 4).copied();
+    if quarter(&surveyed, 1) == quarter(&surveyed, 3) {
+        let common = quarter(&surveyed, 2);
+        surveyed.retain(|&value| Some(value) != common);
+    }
+    let (lower, upper) = (quarter(&surveyed, 1)?, quarter(&surveyed, 3)?);
+    let reach = FENCE * (upper - lower);
+    if reach <= 0.0 {
+        return None;
+    }
+    let fences = (lower - reach, upper + reach);
+    // Lowest and highest sample inside the fences; on each side, number, place of the first, and range of the samples outside.
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut below, mut above) = (Group::default(), Group::default());
+    for (index, value) in values() {
+        if value < fences.0 {
+            below.add(index, value);
+        } else if value > fences.1 {
+            above.add(index, value);
+        } else {
+            (low, high) = (low.min(value), high.max(value));
+        }
+    }
+    let far = [(&below, low - below.high), (&above, above.low - high)];
+    let groups: Vec<String> =
+        far.iter().filter(|(group, gap)| group.count > 0 && *gap >= reach).map(|(group, _)| group.words(raster)).collect();
+    if groups.is_empty() {
+        return None;
+    }
+    Some(format!(
+        "{}, far from all others ({} to {}); if a value marks missing data, name it with --no-data VALUE",
+        groups.join(", and "),
+        stored.shown(low),
+        stored.shown(high)
+    ))
+}
+
+/// Samples outside a fence.
+struct Group {
+    count: usize,
+    first: usize,
+    low: f64,
+    high: f64,
+}
+
+impl Default for Group {
+    fn default() -> Self {
+        Group { count: 0, first: 0, low: f64::INFINITY, high: f64::NEG_INFINITY }
+    }
+}
+
+impl Group {
+    fn add(&mut self, index: usize, value: f64) {
+        if self.count == 0 {
+            self.first = index;
+        }
+        self.count += 1;
+        (self.low, self.high) = (self.low.min(value), self.high.max(value));
+    }
+
+    fn words(&self, raster: &Raster) -> String {
+        let shown = |value: f64| raster.stored.shown(value);
+        let values = if self.low < self.high { format!("{} to {}", shown(self.low), shown(self.high)) } else { shown(self.low) };
+        format!("{} samples are {values} (the first at {})", self.count, raster.place(self.first))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::raster::Stored;
+    use super::super::scaling::Statement;
+    use super::super::spacing::Spacing;
+    use super::*;
+
+    /// A map of 40 x 25 samples of smooth ground from `low` to `high`, of which the given ones are replaced.
+    fn ground(depth: Depth, [low, high]: [f64; 2], replaced: &[(usize, f64)]) -> Raster {
+        let mut samples: Vec<f64> = (0..1000).map(|i| low + (high - low) * (0.5 - 0.5 * (f64::from(i) * 0.0217).cos())).collect();
+        if !depth.is_float() {
+            samples.iter_mut().for_each(|sample| *sample = sample.round());
+        }
+        for &(index, value) in replaced {
+            samples[index] = value;
+        }
+        let stored = match depth {
+            Depth::Unsigned32 | Depth::Signed32 | Depth::Double => Stored::Double(samples),
+            _ => Stored::Single(samples.into_iter().map(|sample| sample as f32).collect()),
+        };
+        Raster {
+            format: String::new(),
+            file_size: [40, 25],
+            window: [0, 0, 40, 25],
+            depth,
+            holds_codes: false,
+            stored,
+            absent: Vec::new(),
+            no_data: None,
+            statement: Statement::default(),
+            spacing: Spacing::Unknown,
+            orientation: "",
+            notes: Vec::new(),
+        }
+    }
+
+    fn refused(raster: &Raster, no_data: &NoData, words: &[&str]) {
+        let Err(fault) = find(raster, no_data, Voids::Refuse) else { panic!("accepted, but should say {words:?}") };
+        let text = fault.to_string();
+        for word in words {
+            assert!(text.contains(word), "`{word}` is missing in: {text}");
+        }
+    }
+
+    fn accepted(raster: &Raster, no_data: &NoData) {
+        assert_eq!(find(raster, no_data, Voids::Refuse).unwrap_or_else(|fault| panic!("{fault}")).count, 0);
+    }
+
+    const METRES: [f64; 2] = [300.0, 900.0];
+
+    #[test]
+    fn usual_marks_are_refused_until_they_are_named_or_kept() {
+        for marker in [-9999.0, -32_768.0, -32_767.0, -10_000.0, 9999.0, 32_767.0] {
+            for (depth, range) in
+                [(Depth::Signed16, METRES), (Depth::Signed16, [3000.0, 9000.0]), (Depth::Single, METRES), (Depth::Double, METRES)]
+            {
+                let raster = ground(depth, range, &[(83, marker), (84, marker), (900, marker)]);
+                refused(&raster, &NoData::Stated, &[&format!("3 samples have the value {marker}"), "column 3, row 2", "--no-data none"]);
+                refused(
+                    &raster,
+                    &NoData::Named(vec![marker]),
+                    &["3 of 1000 samples have no data", "the value of --no-data", "--fill-voids"],
+                );
+                accepted(&raster, &NoData::Nothing);
+                let found = find(&raster, &NoData::Named(vec![marker]), Voids::Fill).unwrap_or_else(|fault| panic!("{fault}"));
+                assert_eq!((found.count, found.has_data(83), found.has_data(85)), (3, false, true));
+                assert_eq!(found.notes, [""; 0]);
+            }
+        }
+        let other = NoData::Named(vec![-1.0, 300.0]);
+        let found = find(&ground(Depth::Single, METRES, &[]), &other, Voids::Fill).unwrap_or_else(|fault| panic!("{fault}"));
+        assert_eq!((found.count, found.notes.as_slice()), (1, ["no sample has the value -1 of --no-data".to_owned()].as_slice()));
+        refused(&ground(Depth::Single, METRES, &[(5, -99_999.0)]), &NoData::Stated, &["1 samples have the value -99999"]);
+        refused(&ground(Depth::Unsigned16, METRES, &[(5, 65_535.0)]), &NoData::Stated, &["the value 65535"]);
+        refused(&ground(Depth::Signed32, [3e5, 9e5], &[(5, -2_147_483_648.0)]), &NoData::Stated, &["the value -2147483648"]);
+        refused(&ground(Depth::Single, METRES, &[(5, -9999.0), (6, 9999.0)]), &NoData::Stated, &["--no-data -9999 --no-data 9999"]);
+    }
+
+    #[test]
+    fn real_ground_is_kept_though_it_has_the_value_of_a_mark() {
+        accepted(&ground(Depth::Signed16, [-12_000.0, 0.0], &[(5, -9999.0)]), &NoData::Stated);
+        accepted(&ground(Depth::Signed16, [-9990.0, 4000.0], &[(5, -9999.0)]), &NoData::Stated);
+        accepted(&ground(Depth::Signed16, [-32_768.0, 32_767.0], &[]), &NoData::Stated);
+        accepted(&ground(Depth::Unsigned16, [20_000.0, 65_535.0], &[]), &NoData::Stated);
+        accepted(&ground(Depth::Unsigned16, [0.0, 60_000.0], &[(5, 65_535.0)]), &NoData::Stated);
+        accepted(&ground(Depth::Single, [0.0, 10_040.0], &[(5, 9999.0)]), &NoData::Stated);
+        // Codes of a PNG or RAW file: the highest one is the highest ground.
+        accepted(&Raster { holds_codes: true, ..ground(Depth::Unsigned16, METRES, &[(5, 65_535.0)]) }, &NoData::Stated);
+    }
+
+    #[test]
+    fn stated_values_are_compared_as_they_are_stored() {
+        let with = |depth, value: f64| Raster { no_data: Some(value), ..ground(depth, METRES, &[(41, value), (42, value)]) };
+        for (depth, value, shown) in [
+            (Depth::Signed16, -32_768.0, "-32768"),
+            (Depth::Unsigned16, 0.0, "0"),
+            (Depth::Unsigned16, 65_535.0, "65535"),
+            (Depth::Double, 1e20, "1e20"),
+            (Depth::Single, f64::from(f32::MIN), "-3.4028235e38"),
+        ] {
+            let says = format!("2 of 1000 samples have no data: 2 with its no-data value {shown}; the first at column 1, row 1");
+            refused(&with(depth, value), &NoData::Stated, &[&says]);
+        }
+        refused(&with(Depth::Single, f64::NAN), &NoData::Stated, &["2 that are NaN"]);
+        accepted(&with(Depth::Unsigned16, 0.0), &NoData::Nothing);
+        refused(&ground(Depth::Single, METRES, &[(0, f64::NEG_INFINITY)]), &NoData::Nothing, &["1 that are infinite"]);
+        refused(&ground(Depth::Single, METRES, &[(0, -3.4e38)]), &NoData::Nothing, &["1 with values such as -3.4e38"]);
+        let absent = (0..1000).map(|i| [Some(Absent::Masked), Some(Absent::Missing), None][usize::min(i, 2)]).collect();
+        refused(
+            &Raster { absent, ..ground(Depth::Single, METRES, &[]) },
+            &NoData::Stated,
+            &["2 of 1000", "1 in strips or tiles", "1 that its mask"],
+        );
+        let nothing: Vec<(usize, f64)> = (0..1000).map(|index| (index, f64::NAN)).collect();
+        refused(&ground(Depth::Single, METRES, &nothing), &NoData::Stated, &["no sample has data"]);
+    }
+
+    #[test]
+    fn values_far_from_all_others_are_remarked() {
+        let remark = |raster: &Raster| remark(raster, &Found::default());
+        let said = remark(&ground(Depth::Single, METRES, &[(3, 5000.0), (4, 5001.0), (5, -4000.0)])).expect("far outside");
+        assert!(said.contains("1 samples are -4000 (the first at column 5, row 0), and 2 samples are 5000 to 5001"), "{said}");
+        assert!(said.contains("(300 to 899.99"), "{said}");
+        assert_eq!(remark(&ground(Depth::Single, METRES, &[])), None);
+        assert_eq!(remark(&ground(Depth::Single, METRES, &[(3, 1000.0)])), None, "a peak");
+        // A plain with a volcano: far above the quartiles, but without a gap.
+        let volcano: Vec<(usize, f64)> = (0..300).map(|i| (i, 3.0 + f64::from(i as u32) * 10.0)).collect();
+        assert_eq!(remark(&ground(Depth::Single, [0.0, 3.0], &volcano)), None);
+        // Most of the map is sea.
+        let mut sea: Vec<(usize, f64)> = (0..800).map(|i| (i, 0.0)).collect();
+        assert_eq!(remark(&ground(Depth::Single, METRES, &sea)), None);
+        sea.push((900, 30_000.0));
+        assert!(remark(&ground(Depth::Single, METRES, &sea)).is_some_and(|said| said.contains("1 samples are 30000")));
+        assert_eq!(remark(&ground(Depth::Single, [5.0, 5.0], &[])), None, "all samples are equal");
+    }
+}

@@ -1,0 +1,232 @@
+//! The texels of an image file: PNG, JPEG, TGA and OpenEXR.
+
+use std::io::{BufRead, Cursor, Read, Seek};
+use std::path::Path;
+
+use glam::DVec3;
+use image::codecs::jpeg::JpegDecoder;
+use image::codecs::png::PngDecoder;
+use image::codecs::tga::TgaDecoder;
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, Limits};
+use rayon::prelude::*;
+
+use crate::base::error::one_line;
+use crate::decode::colours::{Colours, unapplied_profile};
+use crate::decode::fault::Fault;
+use crate::decode::openexr::{self, Channel, Part};
+
+/// Limit of the edge of an image, texels: four times the edge of the finest detail textures. An image of this size takes 0.8 GB of memory until it is
+/// resampled.
+pub(super) const MAX_EDGE: u32 = 8192;
+
+/// Which channels are needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Want {
+    /// Red, green and blue, or grey.
+    Colour,
+    /// x, y and, if it is there, z.
+    Vector,
+    /// One number, or red, green and blue.
+    Number,
+}
+
+/// How samples are encoded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Encoding {
+    /// Integers, scaled to 0..1. For colours, they are sRGB-encoded.
+    Codes,
+    /// Like [`Encoding::Codes`], but colours are linear values to the power of this number.
+    Gamma(f64),
+    /// Floats: linear, of any size.
+    Floats,
+}
+
+/// An image as it is stored. It is square, and row 0 is at v = 0: the bottom row.
+#[derive(Clone, Debug)]
+pub(super) struct Stored {
+    /// Texels along an edge, at least 1.
+    pub(super) edge: usize,
+    /// Number of channels that the file has, without alpha: 1 (repeated in all three), 2 (the third is 0) or 3.
+    pub(super) channels: usize,
+    /// Finite values, row by row.
+    pub(super) texels: Vec<[f32; 3]>,
+    pub(super) encoding: Encoding,
+    /// What a user should know, one line each.
+    pub(super) remarks: Vec<String>,
+}
+
+/// Decodes a file. The first bytes determine its format; TGA files, which have no signature, are recognised by the extension of `path`.
+pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) -> Result<Stored, Fault> {
+    let mut start = Vec::new();
+    input.by_ref().take(16).read_to_end(&mut start).map_err(Fault::Io)?;
+    input.rewind().map_err(Fault::Io)?;
+    match image::guess_format(&start) {
+        Ok(ImageFormat::Png) => {
+            let colours = Colours::of_png(&mut input).map_err(|error| Fault::Damaged(one_line(&error.to_string())))?;
+            input.rewind().map_err(Fault::Io)?;
+            coded(PngDecoder::with_limits(input, Limits::default()).map_err(undecodable)?, want, &colours)
+        }
+        Ok(ImageFormat::Jpeg) => {
+            let mut bytes = Vec::new();
+            input.read_to_end(&mut bytes).map_err(Fault::Io)?;
+            // The decoder fills the part that is missing in a truncated file. Every whole file has the marker EOI (ITU-T T.81, B.1.1.3).
+            if !bytes.windows(2).any(|pair| pair == b"\xff\xd9") {
+                return Err(Fault::Damaged("JPEG: it has no end".to_owned()));
+            }
+            coded(JpegDecoder::new(Cursor::new(bytes)).map_err(undecodable)?, want, &Colours::default())
+        }
+        Ok(ImageFormat::OpenExr) => exr(openexr::read(input, MAX_EDGE)?, want),
+        _ if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga")) => {
+            coded(TgaDecoder::new(input).map_err(undecodable)?, want, &Colours::default())
+        }
+        Ok(other) => Err(Fault::Unsupported(format!("{other:?} files cannot be read: save it as 8- or 16-bit PNG"))),
+        Err(_) => Err(Fault::Unsupported("not a readable PNG, JPEG, TGA or OpenEXR image: save it again as 8- or 16-bit PNG".to_owned())),
+    }
+}
+
+fn undecodable(error: ImageError) -> Fault {
+    match error {
+        ImageError::IoError(source) => Fault::of_io(source),
+        ImageError::Unsupported(what) => {
+            Fault::Unsupported(format!("it uses a feature that is not supported ({what}): save it as 8- or 16-bit PNG"))
+        }
+        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): resize it")),
+        other => Fault::Damaged(other.to_string()),
+    }
+}
+
+/// The edge of a square image of an allowed size.
+fn edge_of(width: u32, height: u32) -> Result<usize, Fault> {
+    if width != height || width == 0 {
+        return Err(Fault::Unsupported(format!(
+            "the image has {width}x{height} texels, but material maps must be square: crop or resize it"
+        )));
+    }
+    if width > MAX_EDGE {
+        return Err(Fault::TooLarge(format!(
+            "the image has {width}x{width} texels, but at most {MAX_EDGE} per side are allowed: resize it"
+        )));
+    }
+    Ok(width as usize)
+}
+
+/// PNG, JPEG and TGA. `colours`: what a PNG file states.
+fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Result<Stored, Fault> {
+    let (width, height) = decoder.dimensions();
+    let edge = edge_of(width, height)?;
+    decoder.set_limits(Limits::default()).map_err(undecodable)?;
+    // Metadata that cannot be read turn nothing.
+    if decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms) {
+        return Err(Fault::Unsupported("its metadata say that it must be turned or mirrored: save it upright".to_owned()));
+    }
+    let mut remarks = Vec::new();
+    let mut encoding = Encoding::Codes;
+    if want == Want::Colour {
+        if let Some(points) = colours.code_points.as_ref().filter(|points| !points.is_srgb) {
+            remarks.push(format!("its {} are not applied: convert it to sRGB", points.text));
+        } else if let Some(profile) = decoder.icc_profile().ok().flatten().as_deref().and_then(unapplied_profile) {
+            remarks.push(format!("{profile} is not applied: convert it to sRGB"));
+        }
+        if colours.primaries.is_some() {
+            remarks.push("its primaries (cHRM) are not those of sRGB and are not applied: convert it to sRGB".to_owned());
+        }
+        if let Some(gamma) = colours.gamma {
+            if !(0.1..=10.0).contains(&gamma) {
+                return Err(Fault::Unsupported(format!("it states a gamma of {gamma}, which no picture has: save it as sRGB")));
+            }
+            remarks.push(format!("it states the gamma {gamma:.3} instead of sRGB, which is applied"));
+            encoding = Encoding::Gamma(gamma);
+        }
+    }
+    let decoded = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    let has_colour = decoded.color().has_color();
+    let mut channels = if has_colour { 3 } else { 1 };
+    let mut texels: Vec<[f32; 3]> = if decoded.color().has_alpha() {
+        let whole = decoded.into_rgba32f();
+        let is_opaque = whole.pixels().all(|p| p.0[3] >= 1.0);
+        if want == Want::Vector && !has_colour && !is_opaque {
+            channels = 2;
+            whole.pixels().map(|p| [p.0[0], p.0[3], 0.0]).collect()
+        } else {
+            if !is_opaque {
+                remarks.push("its alpha channel is not used".to_owned());
+            }
+            whole.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect()
+        }
+    } else {
+        decoded.into_rgb32f().pixels().map(|p| p.0).collect()
+    };
+    turn_over(&mut texels, edge);
+    Ok(Stored { edge, channels, texels, encoding, remarks })
+}
+
+/// The part of a file that has the channels that are needed.
+fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
+    let refuse = |what: String| Err(Fault::Unsupported(what));
+    let fitting: Vec<(&Part, Vec<&Channel>)> = parts.iter().filter_map(|part| Some((part, channels_of(part, want)?))).collect();
+    let [(part, channels)] = fitting.as_slice() else {
+        let names = parts.iter().flat_map(|part| &part.channels).map(|channel| channel.name.as_str());
+        let names = one_line(&names.take(16).collect::<Vec<_>>().join(", "));
+        let needed = match want {
+            Want::Colour => "R, G, B",
+            Want::Vector => "R, G, B or X, Y, Z",
+            Want::Number => "a single channel or R, G, B",
+        };
+        let parts = parts.len();
+        return refuse(format!("it must have one part with {needed}, but has {parts} parts with the channels {names}: export it again"));
+    };
+    let (data, display) = (part.data_window, part.display_window);
+    if data != display {
+        return refuse(format!("its data window, {data}, is not its display window, {display}: export the whole picture"));
+    }
+    if (part.pixel_aspect - 1.0).abs() > 1e-3 {
+        return refuse(format!("its pixels are not square (aspect {}): export it with square pixels", part.pixel_aspect));
+    }
+    let edge = edge_of(data.size[0], data.size[1])?;
+    let count = edge * edge;
+    if let Some(short) = channels.iter().find(|channel| channel.samples.len() != count) {
+        return refuse(format!("channel {} has {} samples instead of {count}: export it again", short.name, short.samples.len()));
+    }
+    let bad = channels.iter().flat_map(|channel| &channel.samples).filter(|sample| !sample.is_finite()).count();
+    if bad > 0 {
+        return refuse(format!("{bad} of its values are NaN or infinite: repair or export it again"));
+    }
+    let value = |i: usize, c: usize| {
+        let channel = if channels.len() == 1 { channels.first() } else { channels.get(c) };
+        channel.map_or(0.0, |channel| channel.samples[i])
+    };
+    let mut texels: Vec<[f32; 3]> = (0..count).into_par_iter().map(|i| std::array::from_fn(|c| value(i, c))).collect();
+    let mut remarks = Vec::new();
+    if want == Want::Colour
+        && let Some(stated) = part.chromaticities.filter(|stated| !stated.is_rec_709())
+    {
+        let Some(matrix) = stated.to_rec_709() else {
+            return refuse(format!("it states primaries that are no colour space ({stated}): export it as linear sRGB"));
+        };
+        texels.par_iter_mut().for_each(|texel| *texel = (matrix * DVec3::from(texel.map(f64::from))).as_vec3().to_array());
+        remarks.push(format!("its colours are converted to the primaries of Rec. 709 from {stated}"));
+    }
+    turn_over(&mut texels, edge);
+    Ok(Stored { edge, channels: channels.len(), texels, encoding: Encoding::Floats, remarks })
+}
+
+/// One to three channels; `None`: the part does not have them.
+fn channels_of(part: &Part, want: Want) -> Option<Vec<&Channel>> {
+    let named = |names: &[&str]| names.iter().map(|name| part.channel(name)).collect::<Option<Vec<_>>>();
+    let mut data = part.channels.iter().filter(|channel| !channel.base_name().eq_ignore_ascii_case("a"));
+    let single = data.next().filter(|_| data.next().is_none()).map(|channel| vec![channel]);
+    let rgb = named(&["R", "G", "B"]);
+    match want {
+        Want::Vector => rgb.or_else(|| named(&["X", "Y", "Z"])).or_else(|| named(&["R", "G"])).or_else(|| named(&["X", "Y"])),
+        Want::Colour | Want::Number => rgb.or(single),
+    }
+}
+
+/// Exchanges top and bottom, because files begin with the top row.
+fn turn_over(texels: &mut [[f32; 3]], edge: usize) {
+    for row in 0..edge / 2 {
+        let (lower, upper) = texels.split_at_mut((edge - 1 - row) * edge);
+        lower[row * edge..][..edge].swap_with_slice(&mut upper[..edge]);
+    }
+}

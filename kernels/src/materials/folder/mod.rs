@@ -1,0 +1,83 @@
+//! Materials from image files, scanned or painted: which file of a folder holds which map, and the maps of one material.
+//!
+//! [`recognise`] looks at names only, and [`load_maps`] reads the files that it found. Import calls both, so that what it accepts can be drawn.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use super::{MaterialMaps, wrong};
+use crate::base::error::{Error, Result};
+
+mod decode;
+mod map;
+mod names;
+mod recognition;
+mod resample;
+
+pub use map::{Map, read};
+pub use names::{Convention, stated_tile_m};
+pub use recognition::{Listing, Reading, Recognised, Set, Sorted, Source, Unused, few, list, recognise, shown, shown_name, sort_out};
+
+/// The maps of a material, and what a user should know about them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The maps.
+    pub maps: MaterialMaps,
+    /// Edge of the image of each map, texels, in the order of [`Recognised::maps`].
+    pub edges: Vec<usize>,
+    /// Remarks, one line each, with the name of the file.
+    pub remarks: Vec<String>,
+}
+
+/// Reads the material in a folder and resamples its maps to `size` x `size`.
+///
+/// The names of the files say which map they hold, in upper or lower case: `albedo`, `normal`, `height` and `roughness` are required, `ao` is optional
+/// (used as specular occlusion; 1 without it). Names of Poly Haven, ambientCG, Quixel Megascans and others are known, such as `rock_diff_2k` and
+/// `Rock030_2K-PNG_NormalGL`. `gloss` is inverted. `arm`, `orm` and other packed maps are taken apart, and `nor_dx` has its green inverted.
+///
+/// Files are .png, .jpg, .tga or .exr. An albedo is sRGB, or linear in .exr. Normals are n = 2 value - 1 or, in .exr, n = value; green is up in the
+/// image (OpenGL) unless the name says otherwise; they are renormalised, and z is computed if there is none. Images are squares of any size up to
+/// 8192, and each map may have its own size. If an image is larger than `size`, it is averaged over the area of each texel. If it is smaller, it is
+/// interpolated bilinearly. Both use linear values and wrap around at the edges. The top row of an image becomes the last row, v = 1. The colour mask
+/// is 1 everywhere: a tint applies to the whole material.
+///
+/// # Errors
+/// The errors of [`recognise`] and [`load_maps`]. `name` is the name of the material, for these messages.
+pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
+    let recognised = recognise(dir).map_err(|what| wrong(name, what))?;
+    Ok(load_maps(&recognised, size)?.maps)
+}
+
+/// Reads the maps of a material and resamples them to `size` x `size`.
+///
+/// # Errors
+/// A file cannot be opened, or an error of [`read`].
+pub fn load_maps(recognised: &Recognised, size: u32) -> Result<Loaded> {
+    let (mut edges, mut remarks) = (Vec::new(), Vec::new());
+    let mut texels = |source: &Source| -> Result<Vec<[f32; 3]>> {
+        let file = File::open(&source.file).map_err(|error| Error::File { file: shown(&source.file).into(), source: error })?;
+        let map = read(BufReader::new(file), &source.file, source.reading)?;
+        edges.push(map.edge);
+        remarks.extend(map.remarks.iter().map(|remark| format!("{}: {remark}", shown_name(&source.file))));
+        Ok(resample::resample(map.texels, map.edge, size as usize))
+    };
+    let albedo = texels(&recognised.albedo)?;
+    let normal = texels(&recognised.normal)?;
+    let height = texels(&recognised.height)?;
+    let roughness = texels(&recognised.roughness)?;
+    let occlusion = recognised.occlusion.as_ref().map(&mut texels).transpose()?;
+
+    let count = (size as usize).pow(2);
+    let red = |texels: &[[f32; 3]]| texels.iter().map(|t| t[0]).collect::<Vec<f32>>();
+    let maps = MaterialMaps {
+        size,
+        albedo,
+        normal: normal.iter().map(|n| [n[0], n[1]]).collect(),
+        smoothness: roughness.iter().map(|t| 1.0 - t[0]).collect(),
+        specular_occlusion: occlusion.map_or_else(|| vec![1.0; count], |texels| red(&texels)),
+        height: red(&height),
+        colour_mask: vec![1.0; count],
+    };
+    Ok(Loaded { maps, edges, remarks })
+}

@@ -1,0 +1,471 @@
+//! Which file of a folder holds which map of a material, by the names of the files. No file is opened.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{self, DirEntry};
+use std::io;
+use std::mem;
+use std::path::{Path, PathBuf};
+
+use super::decode::MAX_EDGE;
+use super::names::{Convention, Held, Kind, Label, label};
+
+/// File name extensions of images that can be read.
+const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "tga", "exr"];
+
+/// File name extensions of other images. They are known so that an error can say what is missing.
+const UNREADABLE: [&str; 16] =
+    ["tif", "tiff", "bmp", "dds", "webp", "hdr", "psd", "psb", "gif", "jp2", "ktx", "ktx2", "avif", "heic", "tx", "tex"];
+
+/// File name extensions of texts, which are kept with the images: licences require that notes about the source stay with an image.
+const TEXTS: [&str; 2] = ["txt", "md"];
+
+/// Number of names in a list in a message.
+const MOST_NAMES: usize = 8;
+
+/// How the texels of a file become a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// Albedo: sRGB, unless the file says otherwise.
+    Colour,
+    /// A normal map.
+    Normal(Convention),
+    /// Heights in this channel of an image, 0 = red, or in a grey image.
+    Height(Option<usize>),
+    /// Values from 0 to 1 in this channel of an image, 0 = red, or in a grey image.
+    Share {
+        /// The channel; `None`: the image is grey.
+        channel: Option<usize>,
+        /// Whether the map is 1 minus the value.
+        inverted: bool,
+    },
+}
+
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of_channel = |channel: Option<usize>| match channel {
+            None => "",
+            Some(0) => ", red channel",
+            Some(1) => ", green channel",
+            Some(_) => ", blue channel",
+        };
+        match *self {
+            Reading::Colour => Ok(()),
+            Reading::Normal(Convention::OpenGl) => f.write_str(", OpenGL"),
+            Reading::Normal(Convention::Unstated) => f.write_str(", OpenGL assumed"),
+            Reading::Normal(Convention::DirectX) => f.write_str(", DirectX: green inverted"),
+            Reading::Height(channel) => f.write_str(of_channel(channel)),
+            Reading::Share { channel, inverted } => {
+                f.write_str(of_channel(channel))?;
+                f.write_str(if inverted { ", inverted" } else { "" })
+            }
+        }
+    }
+}
+
+/// The source of one map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Source {
+    /// The file.
+    pub file: PathBuf,
+    /// How to read it.
+    pub reading: Reading,
+    /// Edge of a repeat of the texture that the name of the file states, metres.
+    pub tile_m: Option<f64>,
+}
+
+/// A file or folder that is not used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unused {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// The reason, without the name.
+    pub reason: String,
+}
+
+impl Unused {
+    fn new(path: &Path, reason: impl Into<String>) -> Unused {
+        Unused { path: path.to_owned(), reason: reason.into() }
+    }
+}
+
+/// The maps of one material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recognised {
+    /// Albedo.
+    pub albedo: Source,
+    /// Normals.
+    pub normal: Source,
+    /// Heights.
+    pub height: Source,
+    /// Roughness.
+    pub roughness: Source,
+    /// Ambient occlusion; optional.
+    pub occlusion: Option<Source>,
+    /// Texts in the folder.
+    pub notes: Vec<PathBuf>,
+    /// All other files of the folder.
+    pub unused: Vec<Unused>,
+}
+
+impl Recognised {
+    /// The maps and their names, in the order in which they are read.
+    pub fn maps(&self) -> impl Iterator<Item = (&'static str, &Source)> {
+        let required = [("albedo", &self.albedo), ("normal", &self.normal), ("height", &self.height), ("roughness", &self.roughness)];
+        required.into_iter().chain(self.occlusion.as_ref().map(|source| ("ao", source)))
+    }
+}
+
+/// The contents of a folder, sorted by name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Listing {
+    /// Plain files.
+    pub files: Vec<PathBuf>,
+    /// Folders.
+    pub folders: Vec<PathBuf>,
+    /// Symbolic links to folders.
+    pub links: Vec<PathBuf>,
+    /// Everything else: hidden entries, devices, links that lead nowhere, entries that cannot be read.
+    pub unused: Vec<Unused>,
+}
+
+/// Lists a folder. Nothing is opened, because opening a pipe may never end.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn list(folder: &Path) -> io::Result<Listing> {
+    let mut listing = Listing::default();
+    for entry in fs::read_dir(folder)? {
+        match entry {
+            Ok(entry) => listing.add(&entry),
+            Err(error) => listing.unused.push(Unused::new(folder, format!("one of its entries cannot be read: {error}"))),
+        }
+    }
+    let Listing { files, folders, links, unused } = &mut listing;
+    for paths in [files, folders, links] {
+        paths.sort();
+    }
+    unused.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(listing)
+}
+
+impl Listing {
+    fn add(&mut self, entry: &DirEntry) {
+        let path = entry.path();
+        // Programs keep previews and resource forks (`._albedo.png`) in hidden files.
+        if entry.file_name().to_string_lossy().starts_with('.') {
+            self.unused.push(Unused::new(&path, "hidden"));
+            return;
+        }
+        let is_link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
+        match fs::metadata(&path) {
+            Err(error) if is_link => self.unused.push(Unused::new(&path, format!("a link that cannot be followed: {error}"))),
+            Err(error) => self.unused.push(Unused::new(&path, format!("cannot be read: {error}"))),
+            Ok(at) if at.is_file() => self.files.push(path),
+            Ok(at) if at.is_dir() && is_link => self.links.push(path),
+            Ok(at) if at.is_dir() => self.folders.push(path),
+            Ok(_) => self.unused.push(Unused::new(&path, "not a plain file")),
+        }
+    }
+}
+
+/// An image whose name says which map it holds.
+#[derive(Clone, Debug)]
+struct Candidate {
+    file: PathBuf,
+    label: Label,
+    /// [`Label::material`] in lower case.
+    key: String,
+}
+
+impl Candidate {
+    fn is_readable(&self) -> bool {
+        READABLE.contains(&extension(&self.file).as_str())
+    }
+
+    fn source(&self, reading: Reading) -> Source {
+        Source { file: self.file.clone(), reading, tile_m: self.label.tile_m }
+    }
+}
+
+/// The files of a folder that belong to one material, before one file per map is chosen.
+#[derive(Clone, Debug)]
+pub struct Set {
+    /// Name of the material in the names of the files; empty if they have none.
+    pub name: String,
+    candidates: Vec<Candidate>,
+    notes: Vec<PathBuf>,
+}
+
+/// The files of a folder, sorted by materials.
+#[derive(Clone, Debug, Default)]
+pub struct Sorted {
+    /// One per material.
+    pub sets: Vec<Set>,
+    /// Files that belong to no material.
+    pub unused: Vec<Unused>,
+}
+
+/// Sorts the files of one folder by the materials in their names.
+///
+/// The files are those of several materials if there is more than one name with an albedo and another map. Otherwise, they all form one set.
+pub fn sort_out(files: &[PathBuf]) -> Sorted {
+    let mut sorted = Sorted::default();
+    let mut notes = Vec::new();
+    let mut groups: BTreeMap<String, Vec<Candidate>> = BTreeMap::new();
+    for file in files {
+        let extension = extension(file);
+        let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let is_image = READABLE.contains(&extension.as_str()) || UNREADABLE.contains(&extension.as_str());
+        let reason = match label(&stem) {
+            _ if TEXTS.contains(&extension.as_str()) => {
+                notes.push(file.clone());
+                continue;
+            }
+            _ if !is_image => "not an image".to_owned(),
+            None => "its name states no map, such as albedo or roughness".to_owned(),
+            Some(Label { kind: Kind::Other(what), .. }) => format!("its name states a map that is not used: {what}"),
+            Some(label) => {
+                let key = label.material.to_lowercase();
+                groups.entry(key.clone()).or_default().push(Candidate { file: file.clone(), label, key });
+                continue;
+            }
+        };
+        sorted.unused.push(Unused::new(file, reason));
+    }
+    let is_whole = |group: &[Candidate]| {
+        let albedos = group.iter().filter(|c| c.label.kind == Kind::Albedo).count();
+        (1..group.len()).contains(&albedos)
+    };
+    let mut set = |candidates: Vec<Candidate>| {
+        let named = candidates.iter().find(|c| c.label.kind == Kind::Albedo).or(candidates.first());
+        let name = named.map(|c| c.label.material.clone()).unwrap_or_default();
+        sorted.sets.push(Set { name, candidates, notes: notes.clone() });
+    };
+    if groups.values().filter(|group| is_whole(group)).count() < 2 {
+        if !groups.is_empty() {
+            set(groups.into_values().flatten().collect());
+        }
+        return sorted;
+    }
+    let mut left = Vec::new();
+    for group in groups.into_values() {
+        if is_whole(&group) { set(group) } else { left.extend(group) }
+    }
+    sorted.unused.extend(left.iter().map(|c| Unused::new(&c.file, "the folder holds several materials, and none of them has this name")));
+    sorted
+}
+
+/// Finds the maps of the only material in a folder, by the names of the files.
+///
+/// # Errors
+/// One line: the folder cannot be read, holds several materials, lacks a map (the message lists the files of the folder), or holds two files for the
+/// same map.
+pub fn recognise(folder: &Path) -> Result<Recognised, String> {
+    let listing = list(folder)
+        .map_err(|error| format!("cannot read the folder {}: {error}; correct `folder` (relative to the scene file)", shown(folder)))?;
+    let Sorted { mut sets, unused } = sort_out(&listing.files);
+    if sets.len() > 1 {
+        let names = few(sets.iter().map(|set| shown(Path::new(&set.name))));
+        return Err(format!("{} holds the maps of {} materials ({names}): give each a folder of its own", shown(folder), sets.len()));
+    }
+    let set = sets.pop().unwrap_or_else(|| Set { name: String::new(), candidates: Vec::new(), notes: Vec::new() });
+    let mut recognised = set.choose(folder, &listing.files)?;
+    recognised.unused.extend(unused);
+    recognised.unused.extend(listing.unused);
+    Ok(recognised)
+}
+
+impl Set {
+    /// Whether the files hold at least two kinds of maps, so that they are meant as a material.
+    pub fn is_material(&self) -> bool {
+        let kind = |c: &Candidate| mem::discriminant(&c.label.kind);
+        self.candidates.first().is_some_and(|first| self.candidates.iter().any(|c| kind(c) != kind(first)))
+    }
+
+    /// Gives up the set: returns its files with this reason.
+    pub fn into_unused(self, reason: &str) -> Vec<Unused> {
+        self.candidates.iter().map(|c| Unused::new(&c.file, reason)).collect()
+    }
+
+    /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
+    ///
+    /// Of several files for one map, those count that have the same material in their names as the albedo. Of these, the normal map for OpenGL
+    /// counts before one without a convention, and that before one for DirectX; a finer level of detail before a coarser one; a higher resolution,
+    /// up to 8192, before a lower one, if all names state it. Files that cannot be read count only if there are no others. Roughness comes from
+    /// a roughness map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
+    ///
+    /// # Errors
+    /// One line: a map is missing, or two files remain for the same map.
+    pub fn choose(self, folder: &Path, files: &[PathBuf]) -> Result<Recognised, String> {
+        let mut chooser = Chooser { left: self.candidates, owner: None, unused: Vec::new(), folder };
+        let albedo = chooser.one("albedo", |kind| kind == Kind::Albedo)?;
+        chooser.owner = albedo.as_ref().map(|albedo| albedo.key.clone());
+        let normal = chooser.one("normal", |kind| matches!(kind, Kind::Normal(_)))?;
+        let height = chooser.one("height", |kind| kind == Kind::Height)?;
+        let roughness = chooser.one("roughness", |kind| kind == Kind::Roughness)?;
+        let is_gloss = |kind: Kind| kind == Kind::Smoothness;
+        let smoothness = if roughness.is_some() {
+            chooser.drop_all(is_gloss, "the roughness map is used");
+            None
+        } else {
+            chooser.one("gloss", is_gloss)?
+        };
+        let occlusion = chooser.one("ambient occlusion", |kind| kind == Kind::Occlusion)?;
+
+        let wanted = [
+            (Held::Height, height.is_none()),
+            (Held::Roughness, roughness.is_none() && smoothness.is_none()),
+            (Held::Occlusion, occlusion.is_none()),
+        ];
+        let is_useful = |kind: Kind| match kind {
+            Kind::Packed(channels) => wanted.iter().any(|&(held, is_missing)| is_missing && channels.contains(&held)),
+            _ => false,
+        };
+        let packed = chooser.one("packed", is_useful)?;
+        chooser.drop_all(|kind| matches!(kind, Kind::Packed(_)), "all its maps are there as files of their own");
+        let from_packed = |held: Held, reading: fn(usize) -> Reading| {
+            let packed = packed.as_ref()?;
+            let Kind::Packed(channels) = packed.label.kind else { return None };
+            let channel = channels.iter().position(|&in_channel| in_channel == held)?;
+            Some(packed.source(reading(channel)))
+        };
+        let share = |inverted| Reading::Share { channel: None, inverted };
+        let packed_share = |channel| Reading::Share { channel: Some(channel), inverted: false };
+
+        let albedo = albedo.map(|c| c.source(Reading::Colour));
+        let normal = normal.map(|c| match c.label.kind {
+            Kind::Normal(convention) => c.source(Reading::Normal(convention)),
+            _ => c.source(Reading::Normal(Convention::Unstated)),
+        });
+        let height =
+            height.map(|c| c.source(Reading::Height(None))).or_else(|| from_packed(Held::Height, |channel| Reading::Height(Some(channel))));
+        let roughness = roughness
+            .map(|c| c.source(share(false)))
+            .or_else(|| smoothness.map(|c| c.source(share(true))))
+            .or_else(|| from_packed(Held::Roughness, packed_share));
+        let occlusion = occlusion.map(|c| c.source(share(false))).or_else(|| from_packed(Held::Occlusion, packed_share));
+        match (albedo, normal, height, roughness) {
+            (Some(albedo), Some(normal), Some(height), Some(roughness)) => {
+                Ok(Recognised { albedo, normal, height, roughness, occlusion, notes: self.notes, unused: chooser.unused })
+            }
+            (albedo, normal, height, roughness) => {
+                let all = [
+                    ("albedo", albedo.is_some()),
+                    ("normal", normal.is_some()),
+                    ("height", height.is_some()),
+                    ("roughness", roughness.is_some()),
+                ];
+                let missing: Vec<&str> = all.iter().filter(|(_, is_there)| !is_there).map(|&(name, _)| name).collect();
+                let there = if files.is_empty() { "nothing".to_owned() } else { few(files.iter().map(|file| shown_name(file))) };
+                let example = missing.first().copied().unwrap_or_default();
+                Err(format!(
+                    "no {} map in {} (the folder contains: {there}); add it, with a name such as {example}.png",
+                    missing.join(", no "),
+                    shown(folder)
+                ))
+            }
+        }
+    }
+}
+
+/// Chooses files from the candidates of a set.
+struct Chooser<'a> {
+    left: Vec<Candidate>,
+    /// The key of the albedo.
+    owner: Option<String>,
+    unused: Vec<Unused>,
+    folder: &'a Path,
+}
+
+impl Chooser<'_> {
+    fn take(&mut self, is_wanted: impl Fn(Kind) -> bool) -> Vec<Candidate> {
+        let (wanted, left) = mem::take(&mut self.left).into_iter().partition(|c| is_wanted(c.label.kind));
+        self.left = left;
+        wanted
+    }
+
+    fn drop_all(&mut self, is_wanted: impl Fn(Kind) -> bool, reason: &str) {
+        let dropped = self.take(is_wanted);
+        self.unused.extend(dropped.iter().map(|c| Unused::new(&c.file, reason)));
+    }
+
+    /// Chooses the file of one map; `None`: there is none.
+    fn one(&mut self, what: &str, is_wanted: impl Fn(Kind) -> bool) -> Result<Option<Candidate>, String> {
+        let mut found = self.take(is_wanted);
+        if let Some(owner) = self.owner.clone() {
+            // Names without a material fit all materials.
+            let (own, foreign): (Vec<_>, Vec<_>) = found.into_iter().partition(|c| c.key == owner || c.key.is_empty() || owner.is_empty());
+            self.unused.extend(foreign.iter().map(|c| Unused::new(&c.file, "its name states another material than that of the albedo")));
+            found = own;
+            self.prefer(&mut found, |c| u32::from(c.key != owner), "the map with the same name as the albedo is used");
+        }
+        self.prefer(&mut found, |c| u32::from(!c.is_readable()), "files of this format cannot be read, another file holds this map");
+        self.prefer(
+            &mut found,
+            |c| match c.label.kind {
+                Kind::Normal(Convention::Unstated) => 1,
+                Kind::Normal(Convention::DirectX) => 2,
+                _ => 0,
+            },
+            "another normal map is used: OpenGL counts before no convention, and that before DirectX",
+        );
+        self.prefer(&mut found, |c| c.label.lod.unwrap_or(0), "the finest level of detail is used");
+        if found.iter().all(|c| c.label.resolution.is_some()) {
+            let rank = |c: &Candidate| match c.label.resolution {
+                Some(edge) if edge <= MAX_EDGE => MAX_EDGE - edge,
+                edge => edge.unwrap_or(0),
+            };
+            self.prefer(&mut found, rank, "the map with the highest resolution up to 8192 is used");
+        }
+        if found.len() > 1 {
+            let names = few(found.iter().map(|c| shown_name(&c.file)));
+            return Err(format!("{} files in {} could be the {what} map: {names}; keep one", found.len(), shown(self.folder)));
+        }
+        let Some(found) = found.pop() else { return Ok(None) };
+        if !found.is_readable() {
+            return Err(format!(
+                "{} holds the {what} map, but .{} files cannot be read: save it as 8- or 16-bit PNG",
+                shown(&found.file),
+                shown(Path::new(&extension(&found.file)))
+            ));
+        }
+        Ok(Some(found))
+    }
+
+    /// Keeps the candidates with the lowest rank.
+    fn prefer(&mut self, found: &mut Vec<Candidate>, rank: impl Fn(&Candidate) -> u32, reason: &str) {
+        let Some(lowest) = found.iter().map(&rank).min() else { return };
+        let (kept, dropped): (Vec<_>, Vec<_>) = mem::take(found).into_iter().partition(|c| rank(c) == lowest);
+        *found = kept;
+        self.unused.extend(dropped.iter().map(|c| Unused::new(&c.file, reason)));
+    }
+}
+
+fn extension(file: &Path) -> String {
+    file.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// A path for a message: characters that cannot be printed, such as line breaks and terminal escapes, are written as escape sequences.
+pub fn shown(path: &Path) -> String {
+    let escaped = |c: char| match c {
+        '\'' | '"' | '\\' => c.to_string(),
+        c => c.escape_debug().to_string(),
+    };
+    path.to_string_lossy().chars().map(escaped).collect()
+}
+
+/// The last component of a path, as [`shown`] writes it.
+pub fn shown_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| shown(path), |name| shown(Path::new(name)))
+}
+
+/// A list of names for a message. If there are more than eight, the others are counted.
+pub fn few(names: impl IntoIterator<Item = String>) -> String {
+    let mut names = names.into_iter();
+    let first: Vec<String> = names.by_ref().take(MOST_NAMES).collect();
+    match names.count() {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}

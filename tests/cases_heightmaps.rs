@@ -1,0 +1,688 @@
+//! Heightmaps as other programs write them (`cases/`). What a file says about its samples is applied, and compared with heights that do not come from
+//! this project (`truth.f32`), or the file is refused in one line that says how to mend it.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use kernels::base::error::Error;
+use kernels::decode::heightmap::{self, NoData, ReadOptions, Reading, Voids};
+use kernels::import::scene_folder::{self, ImportOptions};
+use kernels::scene;
+use kernels::world::World;
+
+use crate::fixtures::{Folder, failure, success, usage_error};
+
+/// Ranges that keep 16-bit integers as they are, and the range of normalised cases, metres.
+const I16: [f64; 2] = [-32_768.0, 32_767.0];
+const U16: [f64; 2] = [0.0, 65_535.0];
+const R: [f64; 2] = [300.0, 900.0];
+
+fn case(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
+}
+
+/// The right heights, metres, row by row from the north.
+fn truth(name: &str) -> Vec<f32> {
+    let bytes = fs::read(case(name)).expect("the case has a truth");
+    assert!(bytes.len() > 1000);
+    bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+/// Options of most cases: 10 m, and no other statement.
+fn plain() -> ReadOptions {
+    ReadOptions { metres_per_texel: Some(10.0), ..ReadOptions::default() }
+}
+
+fn ranged(range: [f64; 2]) -> ReadOptions {
+    ReadOptions { height_range_m: Some(range), ..plain() }
+}
+
+fn read(name: &str, options: &ReadOptions) -> Reading {
+    let reading = heightmap::read(&case(name), options).unwrap_or_else(|error| panic!("{error}"));
+    let text = reading.report.to_string();
+    assert!(text.lines().all(|line| !line.contains(char::is_control)) && !text.ends_with('\n'), "{text:?}");
+    reading
+}
+
+/// The text of an error, which is one line.
+fn one_line<T>(result: Result<T, Error>) -> String {
+    let Err(error) = result else { panic!("nothing was refused") };
+    let text = error.to_string();
+    assert!(!text.contains(char::is_control), "an error is one line: {text:?}");
+    text
+}
+
+fn has(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "`{word}` is missing in: {text}");
+    }
+}
+
+fn refused(name: &str, options: &ReadOptions, words: &[&str]) {
+    let text = one_line(heightmap::read(&case(name), options));
+    has(&text, &[name.rsplit('/').next().expect("a name")]);
+    has(&text, words);
+}
+
+/// Largest difference between heights, metres.
+fn difference(heights: &[f32], truth: &[f32]) -> f32 {
+    assert_eq!(heights.len(), truth.len());
+    heights.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+fn same(reading: &Reading, truth_file: &str, tolerance: f32) {
+    let truth = truth(truth_file);
+    let largest = difference(&reading.map.samples, &truth);
+    assert!(largest <= tolerance, "{}: {largest} m off\n{}", truth_file, reading.report);
+    // The comparison notices rows in the wrong order.
+    let reversed: Vec<f32> = truth.chunks(reading.map.width as usize).rev().flatten().copied().collect();
+    assert!(difference(&reading.map.samples, &reversed) > 10.0, "{truth_file} is symmetric");
+}
+
+fn notes(reading: &Reading) -> String {
+    reading.report.notes.join("\n")
+}
+
+#[test]
+fn scale_and_offset_are_applied() {
+    // The truth is that of the integers, which are rounded to 0.1 m.
+    for options in [plain(), ranged(I16)] {
+        same(&read("01-geotiff-scale-offset/int16_scale.tif", &options), "01-geotiff-scale-offset/truth.f32", 1e-3);
+    }
+    let float = read("01-geotiff-scale-offset/f32_scale.tif", &plain());
+    same(&float, "01-geotiff-scale-offset/truth.f32", 0.0501);
+    has(&float.report.to_string(), &["samples: -2000 to 4000", "scale 0.1, offset 500", "elevations: 300.00 to 900.00 m"]);
+    refused("01-geotiff-scale-offset/int16_scale.tif", &ranged(R), &["--height-range 300,900 contradicts", "scale 0.1"]);
+}
+
+#[test]
+fn feet_become_metres() {
+    let feet = ReadOptions { metres_per_texel: Some(3.048), ..ReadOptions::default() };
+    for options in [feet, ReadOptions::default()] {
+        let reading = read("02-geotiff-feet/us_survey_foot.tif", &options);
+        same(&reading, "02-geotiff-feet/truth.f32", 1e-3);
+        assert!((reading.map.metres_per_texel - 12_000.0 / 3937.0).abs() < 1e-9);
+        has(&reading.report.to_string(), &["unit US survey foot", "10 US survey foot"]);
+    }
+}
+
+#[test]
+fn undeclared_marks_of_missing_data_are_refused_until_they_are_named() {
+    let decimetres = [-3276.8, 3276.7];
+    for (file, marker, range) in [
+        ("03-int16-untagged-void/int16_9999.tif", "-9999", Some(I16)),
+        ("03-int16-untagged-void/int16_32768.tif", "-32768", Some(I16)),
+        ("03-int16-untagged-void/int16_32767.tif", "-32767", Some(I16)),
+        ("03-int16-untagged-void/int16_dm_9999.tif", "-9999", Some(decimetres)),
+        ("03-int16-untagged-void/int16_dm_32768.tif", "-32768", Some(decimetres)),
+        ("04-float-untagged-void/f32_-9999.tif", "-9999", None),
+        ("04-float-untagged-void/f32_-10000.tif", "-10000", None),
+        ("04-float-untagged-void/f32_-32767.tif", "-32767", None),
+        ("04-float-untagged-void/f32_-99999.tif", "-99999", None),
+        ("04-float-untagged-void/f32_9999.tif", "9999", None),
+    ] {
+        let options = ReadOptions { height_range_m: range, ..plain() };
+        let mention = format!("20 samples have the value {marker}");
+        for voids in [Voids::Refuse, Voids::Fill, Voids::Holes] {
+            refused(file, &ReadOptions { voids, ..options.clone() }, &[&mention, &format!("--no-data {marker}"), "--no-data none"]);
+        }
+        let named = ReadOptions { no_data: NoData::Named(vec![marker.parse().expect("a number")]), ..options.clone() };
+        refused(file, &named, &["20 of 3185 samples have no data", marker, "the first at column", "--fill-voids"]);
+        let filled = read(file, &ReadOptions { voids: Voids::Fill, ..named });
+        let (low, high) = filled.map.elevation_range_m();
+        assert_eq!(filled.report.void_count, 20);
+        assert!((low - 300.0).abs() < 0.1 && (high - 900.0).abs() < 0.1, "{file}: {low} to {high} m");
+        let kept = read(file, &ReadOptions { no_data: NoData::Nothing, ..options });
+        let (low, high) = kept.map.elevation_range_m();
+        assert!(low < 0.0 || high > 900.1, "{file}: as ground, the value is there: {low} to {high} m");
+    }
+    let lowest = "04-float-untagged-void/f32_-3.40282e+38.tif";
+    refused(lowest, &plain(), &["20 with values such as -3.4028235e38", "--fill-voids"]);
+    refused(lowest, &ReadOptions { no_data: NoData::Nothing, ..plain() }, &["-3.4028235e38"]);
+    assert_eq!(read(lowest, &ReadOptions { voids: Voids::Fill, ..plain() }).report.void_count, 20);
+}
+
+#[test]
+fn masks_hide_samples() {
+    let masked = "05-internal-mask/masked.tif";
+    refused(masked, &plain(), &["20 of 3185 samples have no data: 20 that its mask hides"]);
+    let filled = read(masked, &ReadOptions { voids: Voids::Fill, ..plain() });
+    let (low, high) = filled.map.elevation_range_m();
+    assert!(low > 299.9 && high < 900.1 && filled.report.void_count == 20 && filled.holes.is_empty(), "{low} to {high} m");
+    let open = read(masked, &ReadOptions { voids: Voids::Holes, ..plain() });
+    assert_eq!((open.holes.len(), open.map.samples), (20, filled.map.samples));
+}
+
+#[test]
+fn tiles_that_are_not_in_the_file_have_no_data_or_are_0() {
+    let in_gap = |index: usize| (64..96).contains(&(index % 160)) && (32..64).contains(&(index / 160));
+    for (file, range, tolerance) in [
+        ("sparse_none.tif", None, 1e-3),
+        ("sparse_nodata.tif", None, 1e-3),
+        ("sparse_lzw.tif", None, 1e-3),
+        ("sparse_packbits.tif", None, 1e-3),
+        ("sparse_u16_none.tif", Some(U16), 0.501),
+    ] {
+        let (file, options) = (format!("06-sparse-tiles/{file}"), ReadOptions { height_range_m: range, ..plain() });
+        refused(
+            &file,
+            &options,
+            &["1024 of 15360 samples have no data: 1024 in strips or tiles that are not in the file", "column 64, row 32"],
+        );
+        let filled = read(&file, &ReadOptions { voids: Voids::Fill, ..options });
+        for (index, (sample, truth)) in filled.map.samples.iter().zip(truth("06-sparse-tiles/truth.f32")).enumerate() {
+            let is_right = if in_gap(index) { (299.9..=900.1).contains(sample) } else { (sample - truth).abs() <= tolerance };
+            assert!(is_right, "{file}: sample {index} is {sample} instead of {truth}");
+        }
+    }
+    for (file, range) in
+        [("sparse_float32_none_untagged.tif", None), ("sparse_no_tag.tif", None), ("sparse_uint16_none_untagged.tif", Some(U16))]
+    {
+        let reading = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { height_range_m: range, ..plain() });
+        same(&reading, "06-sparse-tiles/truth_untagged.f32", 0.501);
+        has(&notes(&reading), &["1 of 15 tiles are not in the file", "their samples are 0"]);
+    }
+}
+
+#[test]
+fn rows_that_run_from_south_to_north_are_turned() {
+    let reading = read("07-south-up/south_up.tif", &plain());
+    same(&reading, "07-south-up/truth.f32", 1e-3);
+    has(&reading.report.to_string(), &["orientation: rows run from south to north in the file; turned"]);
+    // A window counts from the north-west corner, wherever that is in the file.
+    let part = read("07-south-up/south_up.tif", &ReadOptions { window: Some([9, 6, 13, 17]), ..plain() });
+    let all = truth("07-south-up/truth.f32");
+    let expected: Vec<f32> = (6..23).flat_map(|row| all[row * 65 + 9..][..13].to_vec()).collect();
+    assert!(difference(&part.map.samples, &expected) < 1e-3);
+}
+
+#[test]
+fn the_spacing_is_that_of_the_file() {
+    for (file, metres) in [("ten_metres.tif", 10.0), ("ten_feet.tif", 12_000.0 / 3937.0)] {
+        let file = format!("08-spacing-in-file/{file}");
+        let reading = read(&file, &ReadOptions::default());
+        assert!((reading.map.metres_per_texel - metres).abs() < 1e-9, "{file}");
+        has(&reading.report.to_string(), &["from the file: 10 ", "a pixel is an area"]);
+        refused(
+            &file,
+            &ReadOptions { metres_per_texel: Some(30.0), ..ReadOptions::default() },
+            &["--metres-per-texel 30 contradicts the file"],
+        );
+    }
+    has(&notes(&read("08-spacing-in-file/ten_feet.tif", &ReadOptions::default())), &["unit of distances is the US survey foot"]);
+    for given in [None, Some(30.0)] {
+        let options = ReadOptions { metres_per_texel: given, ..ReadOptions::default() };
+        refused(
+            "08-spacing-in-file/degrees.tif",
+            &options,
+            &["degrees", "gdalwarp -t_srs EPSG:32632 -tr 30.9 30.9 -r bilinear IN OUT.tif"],
+        );
+        refused("08-spacing-in-file/non_square.tif", &options, &["10 metre apart from west to east, but 25 metre", "gdalwarp -tr 10 10"]);
+    }
+}
+
+#[test]
+fn compressions_are_read_or_named() {
+    for file in ["deflate", "lzw", "packbits", "zstd"] {
+        same(&read(&format!("09-compressions/{file}.tif"), &plain()), "09-compressions/truth.f32", 1e-3);
+    }
+    for (file, name) in [("lerc", "LERC"), ("lerc_deflate", "LERC"), ("lzma", "LZMA")] {
+        let words = format!("compression {name} is not supported; convert it with gdal_translate -co COMPRESS=DEFLATE");
+        refused(&format!("09-compressions/{file}.tif"), &plain(), &[&words]);
+    }
+}
+
+#[test]
+fn samples_that_are_not_one_height_are_refused_in_words() {
+    for (file, words) in [
+        ("11-bands/rgb16.tif", "it has 3 bands (red, green and blue)"),
+        ("11-bands/grey_alpha.tif", "it has 2 bands (the last one is alpha)"),
+        ("11-bands/two_band_pixel.tif", "it has 2 bands (which may all be heights)"),
+        ("11-bands/two_band_planar.tif", "it has 2 bands (which may all be heights)"),
+        ("12-int32/nbits12.tif", "its samples have 12 bits, which is not supported"),
+        ("12-int32/int32_mm.tif", "32-bit signed integers, and the file does not say what they mean"),
+        ("12-int32/uint32_mm.tif", "32-bit unsigned integers, and the file does not say what they mean"),
+    ] {
+        refused(file, &ranged(U16), &[words, "gdal_translate"]);
+    }
+    let half = read("12-int32/float16.tif", &plain());
+    same(&half, "12-int32/truth_f16.f32", 1e-6);
+    has(&notes(&half), &["half floats", "steps of 0.5 m"]);
+    refused("12-int32/float16.tif", &ranged(U16), &["--height-range does not apply", "leave the option out"]);
+}
+
+#[test]
+fn white_is_zero_inverts_nothing() {
+    let reading = read("13-miniswhite/f32_miniswhite.tif", &plain());
+    same(&reading, "13-miniswhite/truth.f32", 0.0);
+    has(&notes(&reading), &["WhiteIsZero"]);
+    same(&read("13-miniswhite/i16_miniswhite.tif", &ranged(I16)), "13-miniswhite/truth_int.f32", 0.0);
+    same(&read("13-miniswhite/u16_miniswhite.tif", &ranged(U16)), "13-miniswhite/truth_int.f32", 0.0);
+    refused("13-miniswhite/f32_miniswhite_nodata.tif", &plain(), &["20 with its no-data value -9999"]);
+}
+
+#[test]
+fn declared_values_without_data_are_found_in_every_type() {
+    for (file, words) in [
+        ("-32768_int16.tif", "20 with its no-data value -32768;"),
+        ("-9999_int16.tif", "20 with its no-data value -9999;"),
+        ("0_uint16.tif", "20 with its no-data value 0;"),
+        ("65535_uint16.tif", "20 with its no-data value 65535;"),
+        ("1e20_float64.tif", "20 with its no-data value 1e20;"),
+        ("flt_min_float32.tif", "20 with its no-data value -3.4028235e38;"),
+        ("nan_float32.tif", "20 that are NaN;"),
+    ] {
+        refused(&format!("14-tagged-nodata/{file}"), &plain(), &["20 of 3185 samples have no data", words, "--fill-voids"]);
+    }
+}
+
+#[test]
+fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
+    let temp = Folder::new("sizes");
+    let examine = |file: &Path, spacing: Option<f64>, size: Option<[u32; 2]>| {
+        let read = ReadOptions { metres_per_texel: spacing, raw_size: size, ..ReadOptions::default() };
+        scene_folder::examine(file, &ImportOptions { read, ..ImportOptions::default() })
+    };
+    for (file, size, edges) in [
+        ("2x2.tif", [2, 2], None),
+        ("3x2.tif", [3, 2], None),
+        ("sq_5x5.tif", [5, 5], Some(["4.00 m", "12.00 m"])),
+        ("sq_100x70.tif", [100, 70], Some(["7.00 m at the western", "13.00 m at the western"])),
+    ] {
+        let path = case("16-sizes").join(file);
+        has(&one_line(examine(&path, Some(30.0), None)), &["--metres-per-texel 30 contradicts the file"]);
+        // The same map without a statement of its spacing.
+        let heights = heightmap::read(&path, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}")).map.samples;
+        let bare = temp.0.join(format!("{file}.r32"));
+        fs::write(&bare, heights.iter().flat_map(|height| height.to_le_bytes()).collect::<Vec<u8>>()).expect("written");
+        let outcomes = [examine(&path, None, None), examine(&bare, Some(30.0), Some(size))];
+        for (index, outcome) in outcomes.into_iter().enumerate() {
+            let Some(edges) = edges else {
+                has(&one_line(outcome), &["too few", "nothing would be drawn", "at least", "--detail"]);
+                continue;
+            };
+            let understood = outcome.unwrap_or_else(|error| panic!("{error}"));
+            has(&understood.to_string(), &[edges[index], "are not drawn"]);
+            // What is said is what the world does: the last vertex with ground, and the first one without.
+            let out = temp.0.join(format!("{file}-{index}"));
+            understood.write(&out, &|| false).unwrap_or_else(|error| panic!("{error}"));
+            let world = World::new(&scene::load(&out.display().to_string()).expect("written")).expect("valid");
+            let vertices = world.layout().spacing_m(world.layout().finest_lod);
+            let [half, _] = world.layout().drawn_m(world.extent_m()).map(|length| length / 2.0);
+            assert!((half / vertices).fract().abs() < 1e-9 && half > 0.0);
+            assert!(!world.is_hole(half, 0.0) && !world.is_hole(-half, 0.0) && world.is_hole(half + vertices, 0.0));
+        }
+    }
+    // With added relief, vertices are close together, and the smallest map is drawn.
+    let read = ReadOptions::default();
+    let fine = scene_folder::examine(&case("16-sizes/2x2.tif"), &ImportOptions { read, detail_m: 0.1, ..ImportOptions::default() });
+    assert_eq!(fine.unwrap_or_else(|error| panic!("{error}")).report().notes, [""; 0]);
+}
+
+#[test]
+fn png_files_are_read_if_their_channels_agree() {
+    for file in ["rgb16", "grey_alpha16"] {
+        same(&read(&format!("21-png-not-grey/{file}.png"), &ranged(R)), "21-png-not-grey/truth.f32", 0.005);
+    }
+    let transparent = "21-png-not-grey/trns.png";
+    refused(transparent, &ranged(R), &["1 that are transparent", "--fill-voids"]);
+    same(&read(transparent, &ReadOptions { no_data: NoData::Nothing, ..ranged(R) }), "21-png-not-grey/truth.f32", 0.005);
+    refused(
+        "21-png-not-grey/terrarium8.png",
+        &ranged(R),
+        &["8-bit colour", "high byte is red and whose low byte is green", "gdal_calc.py"],
+    );
+    refused(transparent, &ReadOptions { raw_size: Some([65, 49]), ..ranged(R) }, &["--raw-size does not apply"]);
+    refused(transparent, &ReadOptions { raw_big_endian: true, ..ranged(R) }, &["--raw-big-endian does not apply"]);
+    refused(transparent, &ReadOptions { channel: Some("Y".to_owned()), ..ranged(R) }, &["--channel does not apply"]);
+}
+
+#[test]
+fn raw_files_are_read_in_their_depth_and_byte_order() {
+    let sized = |options: ReadOptions| ReadOptions { raw_size: Some([65, 49]), ..options };
+    let big = |options: ReadOptions| ReadOptions { raw_big_endian: true, ..options };
+    // The truth is that of the integers.
+    same(&read("22-raw/float.r32", &sized(plain())), "22-raw/truth.f32", 0.005);
+    same(&read("22-raw/le.raw", &sized(ranged(R))), "22-raw/truth.f32", 1e-3);
+    same(&read("22-raw/be.r16", &big(sized(ranged(R)))), "22-raw/truth.f32", 1e-3);
+    same(&read("22-raw/square_le.raw", &ranged(R)), "22-raw/truth_square.f32", 0.005);
+    same(&read("22-raw/square_be.raw", &big(ranged(R))), "22-raw/truth_square.f32", 0.005);
+    refused("22-raw/be.r16", &sized(ranged(R)), &["other byte order", "give --raw-big-endian"]);
+    refused("22-raw/le.raw", &big(sized(ranged(R))), &["other byte order", "leave out --raw-big-endian"]);
+    refused("22-raw/float.r32", &big(sized(plain())), &["other byte order"]);
+    refused("22-raw/float.r32", &sized(ranged(R)), &["--height-range does not apply"]);
+    refused("22-raw/odd.raw", &sized(ranged(R)), &["65 x 49", "6370 bytes", "has 6371"]);
+    refused("22-raw/float.raw", &sized(ranged(R)), &["has 12740", "32-bit floats: call it .r32"]);
+    refused("22-raw/square_8bit.raw", &ranged(R), &["8 bits per sample", "terraces"]);
+    refused("22-raw/le.raw", &ranged(R), &["not a square", "--raw-size"]);
+}
+
+#[test]
+fn floats_of_0_to_1_are_mapped_to_a_range() {
+    for (file, tolerance) in [("unit.exr", 1e-3), ("unit.tif", 1e-3), ("unit_half.exr", 0.15)] {
+        let file = format!("23-exr-normalised/{file}");
+        let mapped = read(&file, &ranged(R));
+        same(&mapped, "23-exr-normalised/truth.f32", tolerance);
+        assert_eq!(notes(&mapped).contains("half floats"), file.contains("half"), "{}", notes(&mapped));
+        has(&notes(&read(&file, &plain())), &["the whole relief is 1 m", "normalised", "--height-range"]);
+    }
+    refused("24-exr-half-high/float.exr", &ranged(R), &["--height-range does not apply", "2100 to 2130"]);
+}
+
+#[test]
+fn half_floats_lose_precision_and_say_so() {
+    let half = read("24-exr-half-high/half.exr", &plain());
+    same_within(&half, "24-exr-half-high/truth.f32", 1.0);
+    has(&notes(&half), &["half floats", "steps of 2 m"]);
+    let float = read("24-exr-half-high/float.exr", &plain());
+    same_within(&float, "24-exr-half-high/truth.f32", 1e-3);
+    assert!(!notes(&float).contains("half"));
+}
+
+/// Like [`same`], for low relief.
+fn same_within(reading: &Reading, truth_file: &str, tolerance: f32) {
+    let truth = truth(truth_file);
+    assert!(difference(&reading.map.samples, &truth) <= tolerance);
+    let reversed: Vec<f32> = truth.iter().rev().copied().collect();
+    assert!(difference(&reading.map.samples, &reversed) > 4.0 * tolerance, "the comparison notices a turned map");
+}
+
+#[test]
+fn the_height_channel_of_an_openexr_file_is_found_or_asked_for() {
+    for file in ["26-exr-multipart/colour_then_height", "26-exr-multipart/height_then_colour"] {
+        let reading = read(&format!("{file}.exr"), &plain());
+        same(&reading, "26-exr-multipart/truth.f32", 1e-3);
+        has(&reading.report.file, &["channel `height.Y`"]);
+    }
+    for (file, channel) in [
+        ("beauty_and_height", "height.Y"),
+        ("layer_height", "terrain.height"),
+        ("layer_single", "heightfield.V"),
+        ("lower_y", "y"),
+        ("alpha_y", "Y"),
+        ("rgb_equal", "R"),
+    ] {
+        let reading = read(&format!("27-exr-channels/{file}.exr"), &plain());
+        same(&reading, "27-exr-channels/truth.f32", 1e-3);
+        has(&reading.report.file, &[&format!("channel `{channel}`")]);
+    }
+    refused("27-exr-channels/colour_rgb.exr", &plain(), &["--channel, one of: B, G, R", "alone and equal"]);
+    refused("27-exr-channels/uint.exr", &plain(), &["channel `Y` holds integers", "export the heights as float"]);
+    let named = |name: &str| ReadOptions { channel: Some(name.to_owned()), ..plain() };
+    for name in ["height.Y", "HEIGHT.y", "y"] {
+        same(&read("27-exr-channels/beauty_and_height.exr", &named(name)), "27-exr-channels/truth.f32", 1e-3);
+    }
+    let red = read("27-exr-channels/beauty_and_height.exr", &named("R")).map.elevation_range_m();
+    assert!(red.1 <= 1.0, "a channel that is named is read: {red:?}");
+    refused("27-exr-channels/beauty_and_height.exr", &named("Z"), &["no channel `Z`; give one of: B, G, R, height.Y"]);
+    same(&read("26-exr-multipart/colour_then_height.exr", &named("height.Y")), "26-exr-multipart/truth.f32", 1e-3);
+}
+
+#[test]
+fn cropped_openexr_files_are_refused_and_moved_ones_read() {
+    same(&read("28-exr-windows/offset_whole.exr", &plain()), "28-exr-windows/truth.f32", 1e-3);
+    refused("28-exr-windows/cropped.exr", &plain(), &["cropped", "48 x 30 at (12, 10)", "65 x 49 at (0, 0)"]);
+}
+
+/// A tag of a TIFF: number, type (2 = text, 3 = 16 bits, 4 = 32 bits, 12 = double), and value.
+struct Tag(u16, u16, Vec<u8>);
+
+fn shorts(tag: u16, values: &[u16]) -> Tag {
+    Tag(tag, 3, values.iter().flat_map(|value| value.to_le_bytes()).collect())
+}
+
+fn doubles(tag: u16, values: &[f64]) -> Tag {
+    Tag(tag, 12, values.iter().flat_map(|value| value.to_le_bytes()).collect())
+}
+
+fn words(tag: u16, text: &str) -> Tag {
+    Tag(tag, 2, [text.as_bytes(), b"\0"].concat())
+}
+
+/// Metadata of GDAL with items of these roles and values.
+fn metadata(items: &[(&str, &str)]) -> Tag {
+    let items: String =
+        items.iter().map(|(role, value)| format!("  <Item name=\"X\" sample=\"0\" role=\"{role}\">{value}</Item>\n")).collect();
+    words(42_112, &format!("<GDALMetadata>\n{items}</GDALMetadata>\n"))
+}
+
+/// An image of a TIFF: its size, its bits per sample, its further tags, and its samples.
+type Directory = ([u16; 2], u16, Vec<Tag>, Vec<u8>);
+
+/// A little-endian TIFF of images, each with one uncompressed strip. An image is its size, its bits, its further tags, and its samples.
+fn tiff(images: &[Directory]) -> Vec<u8> {
+    let mut file = b"II*\0\x08\0\0\0".to_vec();
+    for (index, (size, bits, more, samples)) in images.iter().enumerate() {
+        let start = file.len() as u32;
+        let long = |tag: u16, value: u32| Tag(tag, 4, value.to_le_bytes().to_vec());
+        let format = if *bits == 32 { 3 } else { 1 };
+        let mut tags = vec![
+            shorts(256, &[size[0]]),
+            shorts(257, &[size[1]]),
+            shorts(258, &[*bits]),
+            shorts(259, &[1]),
+            shorts(277, &[1]),
+            shorts(278, &[size[1]]),
+            long(279, samples.len() as u32),
+            shorts(339, &[format]),
+        ];
+        tags.extend(more.iter().map(|Tag(tag, kind, value)| Tag(*tag, *kind, value.clone())));
+        if !tags.iter().any(|tag| tag.0 == 262) {
+            tags.push(shorts(262, &[1]));
+        }
+        let mut data_at = start + 2 + 12 * (tags.len() as u32 + 1) + 4;
+        tags.push(long(273, data_at));
+        tags.sort_by_key(|tag| tag.0);
+        let mut data = samples.clone();
+        data_at += samples.len() as u32;
+        file.extend((tags.len() as u16).to_le_bytes());
+        for Tag(tag, kind, value) in &tags {
+            let bytes_each = match kind {
+                2 => 1,
+                3 => 2,
+                4 => 4,
+                _ => 8,
+            };
+            file.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
+            file.extend((value.len() as u32 / bytes_each).to_le_bytes());
+            if value.len() <= 4 {
+                file.extend(value.iter().copied().chain([0; 4]).take(4));
+            } else {
+                file.extend(data_at.to_le_bytes());
+                data.extend(value);
+                data_at += value.len() as u32;
+            }
+        }
+        let next = if index + 1 < images.len() { data_at } else { 0 };
+        file.extend(next.to_le_bytes());
+        file.extend(data);
+    }
+    file
+}
+
+/// Samples of a slope of 6 x 5 floats.
+fn slope() -> Vec<u8> {
+    (0..30).flat_map(|index| (100.0f32 + 7.0 * index as f32).to_le_bytes()).collect()
+}
+
+/// Reads a TIFF of 6 x 5 floats with these tags.
+fn with_tags(tags: Vec<Tag>, options: &ReadOptions) -> Result<Reading, Error> {
+    heightmap::decode(Cursor::new(tiff(&[([6, 5], 32, tags, slope())])), Path::new("made.tif"), options)
+}
+
+#[test]
+fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
+    let whole = with_tags(Vec::new(), &plain()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(whole.map.elevation_range_m(), (100.0, 303.0), "negative control: the file itself is read");
+    let utm = || {
+        vec![
+            doubles(33_550, &[10.0, 10.0, 0.0]),
+            doubles(33_922, &[0.0, 0.0, 0.0, 6e5, 52e5, 0.0]),
+            shorts(34_735, &[1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32_632]),
+        ]
+    };
+    let and = |more: Vec<Tag>| utm().into_iter().chain(more).collect::<Vec<Tag>>();
+    for (tags, words) in [
+        (vec![metadata(&[("scale", "0")])], "the scale of its heights is 0"),
+        (vec![metadata(&[("scale", "nan")])], "`nan`, which is no number"),
+        (vec![metadata(&[("offset", "-inf")])], "`-inf`, which is no number"),
+        (vec![metadata(&[("unittype", "cubit")])], "`cubit`, is not known"),
+        (vec![metadata(&[("scale", "2"), ("scale", "3")])], "two values of scale"),
+        (vec![words(42_113, "void")], "no-data value is `void`"),
+        (vec![shorts(266, &[2])], "FillOrder 2"),
+        (vec![shorts(274, &[4])], "Orientation 4"),
+        (vec![shorts(262, &[3])], "palette"),
+        (vec![shorts(262, &[2])], "colours"),
+        (
+            and(vec![doubles(34_264, &[20.0, 0.0, 0.0, 6e5, 0.0, -20.0, 0.0, 52e5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])]),
+            "contradict each other",
+        ),
+        (vec![doubles(33_550, &[-10.0, 10.0, 0.0])], "ModelPixelScale is -10 x 10"),
+        (vec![doubles(33_550, &[10.0])], "ModelPixelScale"),
+        (vec![shorts(34_735, &[1, 1, 0, 9, 1024, 0, 1, 1])], "states 9 keys, but holds 1"),
+        (vec![shorts(34_735, &[1, 1, 0, 1, 1024, 0, 1, 3])], "geocentric"),
+        (vec![shorts(33_550, &[10, 10, 0])], "tag 33550 holds no floats"),
+    ] {
+        has(&one_line(with_tags(tags, &plain())), &["made.tif", words]);
+    }
+    // A unit in the metadata and another one in the vertical system.
+    let vertical = shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4099, 0, 1, 9001]);
+    let both = vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical, metadata(&[("unittype", "ft")])];
+    has(&one_line(with_tags(both, &plain())), &["unit foot", "unit metre"]);
+    // A negative scale is applied, as GDAL does.
+    let turned = with_tags(vec![metadata(&[("scale", "-1")])], &plain()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(turned.map.elevation_range_m(), (-303.0, -100.0));
+    has(&notes(&turned), &["scale of the file is negative"]);
+    // A value that no sample has is no error.
+    let tagged = with_tags(vec![words(42_113, "-9999")], &plain()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((tagged.report.void_count, tagged.map.samples), (0, whole.map.samples));
+    assert!(with_tags(and(Vec::new()), &ReadOptions::default()).is_ok(), "negative control: the tags of UTM are right");
+}
+
+#[test]
+fn masks_must_fit_their_image() {
+    let masked = |size: [u16; 2], bits: u16, samples: Vec<u8>| {
+        let mask = (size, bits, vec![Tag(254, 4, 4u32.to_le_bytes().to_vec()), shorts(262, &[4])], samples);
+        let file = tiff(&[([6, 5], 32, Vec::new(), slope()), mask]);
+        heightmap::decode(Cursor::new(file), Path::new("made.tif"), &ReadOptions { voids: Voids::Fill, ..plain() })
+    };
+    // In the first row, samples 0 and 5 are hidden.
+    let bits = masked([6, 5], 1, vec![0b0111_1000, 0xff, 0xff, 0xff, 0xff]).unwrap_or_else(|error| panic!("{error}"));
+    let bytes: Vec<u8> = (0..30).map(|index| if [0, 5].contains(&index) { 0 } else { 255 }).collect();
+    let bytes = masked([6, 5], 8, bytes).unwrap_or_else(|error| panic!("{error}"));
+    for reading in [&bits, &bytes] {
+        assert_eq!(reading.report.void_count, 2);
+        has(&reading.report.voids, &["2 that its mask hides; the first at column 0, row 0"]);
+    }
+    assert_eq!(bits.map, bytes.map);
+    let open = masked([6, 5], 1, vec![0xff; 5]).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(open.report.void_count, 0);
+    has(&one_line(masked([5, 5], 1, vec![0xff; 5])), &["mask has 5 x 5 samples, but the image 6 x 5"]);
+    has(&one_line(masked([6, 5], 16, vec![0xff; 60])), &["mask has 1 bands of 16 bits"]);
+    has(&one_line(masked([6, 5], 1, vec![0; 5])), &["no sample has data", "mask"]);
+    has(&one_line(masked([6, 5], 1, vec![0xff; 3])), &["3 bytes, but needs 5"]);
+}
+
+#[test]
+fn strips_that_are_shorter_than_declared_are_damaged() {
+    let mut file = tiff(&[([6, 5], 32, Vec::new(), slope())]);
+    let read = |file: &[u8]| heightmap::decode(Cursor::new(file), Path::new("made.tif"), &plain());
+    assert!(read(&file).is_ok());
+    // The length of the strip: tag 279, type 4, count 1.
+    let at = file.windows(8).position(|part| part == [23, 1, 4, 0, 1, 0, 0, 0]).expect("it states the length of its strip") + 8;
+    file[at] = 100;
+    has(&one_line(read(&file)), &["strip 0 has 100 bytes, but needs 120", "damaged"]);
+    file[at] = 0;
+    has(&one_line(read(&file)), &["strip 0 has the offset", "the length 0", "damaged"]);
+    file[at] = 120;
+    has(&one_line(read(&file[..file.len() - 8])), &["ends too early", "truncated or damaged"]);
+}
+
+fn strs(arguments: &[String]) -> Vec<&str> {
+    arguments.iter().map(String::as_str).collect()
+}
+
+/// Heights of the heightmap of a scene folder, metres, and the step between two of them.
+fn imported(folder: &str) -> (Vec<f32>, f32) {
+    let scene = scene::load(folder).unwrap_or_else(|error| panic!("{error}"));
+    let scene::World::Heightmap { height_range_m: [low, high], .. } = scene.world else { panic!("another world") };
+    let codes = image::open(Path::new(folder).join("heightmap.png")).expect("readable").into_luma16();
+    (codes.pixels().map(|p| (low + (high - low) * f64::from(p.0[0]) / 65_535.0) as f32).collect(), ((high - low) / 65_535.0) as f32)
+}
+
+#[test]
+fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
+    let temp = Folder::new("cases-heightmaps");
+    let path = |name: &str| case(name).display().to_string();
+    let call = |name: &str, more: &[&str], out: &str| {
+        let file = path(name);
+        let mut arguments = vec!["import".to_owned(), file];
+        arguments.extend(more.iter().map(|argument| (*argument).to_owned()));
+        arguments.extend(["--out".to_owned(), temp.path(out)]);
+        arguments
+    };
+    // From the spacing of the file, with scale and offset.
+    let said = success(&strs(&call("01-geotiff-scale-offset/int16_scale.tif", &[], "scaled")));
+    has(
+        &said,
+        &["65 x 49 samples", "spacing: 10 m, from the file", "scale 0.1, offset 500", "elevations: 300.00 to 900.00 m", "procedural"],
+    );
+    let (heights, step) = imported(&temp.path("scaled"));
+    assert!(difference(&heights, &truth("01-geotiff-scale-offset/truth.f32")) <= 1e-3 + step);
+    // Gaps become holes of the scene.
+    let said = success(&strs(&call("05-internal-mask/masked.tif", &["--holes"], "holes")));
+    has(&said, &["holes in the ground: 20 that its mask hides", "holes: 20"]);
+    let scene = scene::load(&temp.path("holes")).unwrap_or_else(|error| panic!("{error}"));
+    let world = World::new(&scene).expect("valid");
+    let reading = read("05-internal-mask/masked.tif", &ReadOptions { voids: Voids::Holes, ..plain() });
+    let is_open = |column: u32, row: u32| world.is_hole(f64::from(column) * 10.0 - 320.0, 240.0 - f64::from(row) * 10.0);
+    let open = (0..49).flat_map(|row| (0..65).map(move |column| [column, row])).filter(|&[column, row]| is_open(column, row));
+    assert!(open.eq(reading.holes.iter().copied()), "ground is open at the samples without data, and nowhere else");
+    // A dry run writes nothing.
+    let said = success(&strs(&call("07-south-up/south_up.tif", &["--dry-run"], "dry")));
+    has(&said, &["rows run from south to north in the file; turned", "nothing is written"]);
+    let without_out = success(&["import", &path("07-south-up/south_up.tif"), "--dry-run"]);
+    assert_eq!(said, without_out);
+    let cases: [(&str, &[&str], &[&str]); 7] = [
+        ("05-internal-mask/masked.tif", &[], &["20 that its mask hides"]),
+        ("03-int16-untagged-void/int16_9999.tif", &["--height-range", "-32768,32767"], &["value -9999"]),
+        ("08-spacing-in-file/degrees.tif", &["--metres-per-texel", "30"], &["gdalwarp"]),
+        ("08-spacing-in-file/ten_metres.tif", &["--metres-per-texel", "30"], &["contradicts"]),
+        ("08-spacing-in-file/ten_metres.tif", &["--raw-size", "65x49"], &["--raw-size does not apply"]),
+        ("16-sizes/2x2.tif", &[], &["nothing would be drawn"]),
+        ("27-exr-channels/colour_rgb.exr", &["--metres-per-texel", "10"], &["--channel"]),
+    ];
+    for (name, more, words) in cases {
+        failure(&strs(&call(name, more, "refused")), words);
+    }
+    usage_error(&["import", "x.tif"], &["--out"]);
+    usage_error(&["import", "x.exr", "--out", "y"], &["--metres-per-texel is missing"]);
+    usage_error(&["import", "x.tif", "--out", "y", "--no-data", "ground"], &["neither a number nor `none`"]);
+    usage_error(&["import", "x.tif", "--out", "y", "--no-data", "none", "--no-data", "-9999"], &["none excludes"]);
+    usage_error(&["import", "x.tif", "--out", "y", "--fill-voids", "--holes"], &["--holes"]);
+    usage_error(&["import", "x.tif", "--out", "y", "--tile-size", "2"], &["--materials"]);
+    let mut left: Vec<String> = fs::read_dir(&temp.0).expect("readable").filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
+    left.sort();
+    assert_eq!(left, ["holes", "scaled"], "nothing is half-written");
+}
+
+#[test]
+fn an_import_that_is_stopped_leaves_nothing_behind() {
+    let temp = Folder::new("cases-stopped");
+    let out = temp.0.join("scene");
+    let understood =
+        scene_folder::examine(&case("07-south-up/south_up.tif"), &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    let asked = std::cell::Cell::new(0);
+    for stops_at in 1..=5 {
+        asked.set(0);
+        let stopped = || {
+            asked.set(asked.get() + 1);
+            asked.get() >= stops_at
+        };
+        has(&one_line(understood.write(&out, &stopped)), &["stopped", "nothing was written"]);
+        assert_eq!(fs::read_dir(&temp.0).expect("readable").count(), 0, "stopped at {stops_at}");
+    }
+    understood.write(&out, &|| false).unwrap_or_else(|error| panic!("{error}"));
+    assert!(out.join("scene.toml").is_file(), "negative control: not stopped");
+}
