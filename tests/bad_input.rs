@@ -91,6 +91,25 @@ fn output_that_cannot_be_written_is_refused_before_the_work() {
     assert_eq!(left, ["file", "taken.png"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_pipes_are_not_replaced() {
+    let folder = Folder::new("links");
+    let input = folder.write("in.csv", "x,y,z,w\n1,2,3,0\n");
+    let probe = |output: &str| {
+        vec!["probe".to_owned(), "hash".to_owned(), "--on=f64".to_owned(), format!("--input={input}"), format!("--output={output}")]
+    };
+    let (real, link) = (folder.write("real.csv", ""), folder.path("link.csv"));
+    std::os::unix::fs::symlink(&real, &link).expect("a link can be made");
+    success(&probe(&link).iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(fs::symlink_metadata(&link).expect("it exists").is_symlink(), "the link was replaced");
+    assert!(fs::read_to_string(&real).expect("readable").starts_with("x,y,z,w,"), "the file behind the link was not written");
+    let pipe = folder.path("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+    failure(&probe(&pipe).iter().map(String::as_str).collect::<Vec<_>>(), &["pipe", "is a device or a pipe", "give the name of a file"]);
+    assert!(!fs::symlink_metadata(&pipe).expect("it exists").is_file(), "the pipe was replaced");
+}
+
 #[test]
 fn wrong_scenes_fail_with_their_place() {
     let folder = Folder::new("scene");

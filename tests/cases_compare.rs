@@ -132,6 +132,26 @@ fn pixels_that_only_one_file_has_are_not_guessed() {
 }
 
 #[test]
+fn pictures_at_different_places_are_refused() {
+    let folder = Folder::new("compare-places");
+    let at = |name: &str, x: i32| {
+        let size = SIZE.map(|n| n as usize);
+        let channel = |name: &str| e::AnyChannel::new(name, e::FlatSamples::F32(vec![0.5; size[0] * size[1]]));
+        let channels = e::AnyChannels::sort(["R", "G", "B"].map(channel).into_iter().collect());
+        let own = e::LayerAttributes { layer_position: e::Vec2(x, 0), ..e::LayerAttributes::default() };
+        let layer = e::Layer::new((size[0], size[1]), own, e::Encoding::FAST_LOSSLESS, channels);
+        let attributes = e::ImageAttributes::new(e::attribute::IntegerBounds::new((x, 0), (size[0], size[1])));
+        let path = folder.path(name);
+        e::WritableImage::write(&e::Image::new(attributes, layer)).to_file(&path).expect("an OpenEXR file can be written");
+        path
+    };
+    let (here, there) = (at("here.exr", 0), at("there.exr", 5));
+    failure(&["compare", &here, &there], &["here.exr shows 12 x 8 at (0, 0)", "there.exr shows 12 x 8 at (5, 0)", "same display window"]);
+    let found = json(&[&there, &at("also.exr", 5)]);
+    assert!(found["identical"] == true && found.get("notes").is_none(), "{found}");
+}
+
+#[test]
 fn names_of_channels_may_be_lower_case() {
     let [test, reference, upper] = ["lower_test", "lower_ref", "ref"].map(|name| case(&format!("54-compare-channels/{name}.exr")));
     let expected: Value = serde_json::from_slice(&fs::read(case("54-compare-channels/expected.json")).expect("the case")).expect("JSON");
@@ -270,6 +290,16 @@ fn pictures_are_turned_as_their_orientation_says() {
     assert!(found["size"] == serde_json::json!([16, 12]) && found["psnr_db"].as_f64() > Some(30.0), "{found}");
     noted(&found, "orientation", &["turned.jpg", "90 degrees clockwise", "EXIF"]);
     noted(&found, "compression", &["turned.jpg", "JPEG"]);
+    // The rest of a truncated picture is not invented, even if a preview before it has an end.
+    let length = u16::try_from(bytes.len() + 2).expect("a small preview").to_be_bytes();
+    let (start, rest) = bytes.split_at(2);
+    let with_preview = [start, b"\xff\xe1", &length, &bytes, rest].concat();
+    let whole = folder.path("whole.jpg");
+    fs::write(&whole, &with_preview).expect("a temporary file can be written");
+    json(&[&whole, &whole]);
+    let cut = folder.path("cut.jpg");
+    fs::write(&cut, &with_preview[..with_preview.len() - 20]).expect("a temporary file can be written");
+    failure(&["compare", &cut, &upright], &["cut.jpg", "truncated"]);
     // Negative control: upside down, the picture is another one.
     let flipped = folder.path("flipped.png");
     image::imageops::rotate180(&ramp).save(&flipped).expect("a PNG can be written");
@@ -286,6 +316,18 @@ fn what_the_metrics_do_not_see_is_said() {
     assert_eq!(found["identical"], true);
     noted(&found, "alpha", &["differs in 96 pixels", "not compared"]);
     assert!(json(&[&clear, &clear]).get("notes").is_none(), "equal alpha is nothing special");
+    // Equal alpha, but only OpenEXR has colours that are multiplied by it.
+    let png_of = |name: &str, alpha: u8| {
+        let path = folder.path(name);
+        image::RgbaImage::from_pixel(SIZE[0], SIZE[1], image::Rgba([188, 188, 188, alpha])).save(&path).expect("a PNG can be written");
+        path
+    };
+    let exr_of = |name: &str, alpha: f32| exr(&folder, name, &[("R", 0.5), ("G", 0.5), ("B", 0.5), ("A", alpha)], None);
+    let found = json(&[&png_of("half.png", 128), &exr_of("alpha.exr", 128.0 / 255.0)]);
+    noted(&found, "alpha", &["96 pixels are not opaque", "OpenEXR are multiplied by alpha, those of PNG are not"]);
+    assert!(!notes(&found, "alpha")[0].contains("differs"), "{found}");
+    let found = json(&[&png_of("whole.png", 255), &exr_of("one.exr", 1.0)]);
+    assert!(notes(&found, "alpha").is_empty(), "opaque colours are the same in both: {found}");
     // Clamped for the metrics of a display, but not for the others.
     let (bright, white) = (grey(&folder, "bright.exr", 3.0), grey(&folder, "white.exr", 1.0));
     let found = json(&[&bright, &white]);

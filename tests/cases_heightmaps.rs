@@ -234,6 +234,15 @@ fn compressions_are_read_or_named() {
 }
 
 #[test]
+fn lzw_tiles_at_the_edge_of_an_image_are_read() {
+    // Two files of GDAL with the same samples. Tiles of 16 x 16 samples reach beyond the right and the lower edge.
+    let [lzw, deflate] =
+        ["lzw_tiles", "deflate_tiles"].map(|file| read(&format!("09-compressions/{file}.tif"), &ReadOptions::default()).map);
+    assert_eq!((lzw.width, lzw.height), (83, 61));
+    assert!(lzw == deflate && lzw.samples.iter().any(|sample| *sample > 300.0), "LZW and Deflate differ");
+}
+
+#[test]
 fn samples_that_are_not_one_height_are_refused_in_words() {
     for (file, words) in [
         ("11-bands/rgb16.tif", "it has 3 bands (red, green and blue)"),
@@ -282,7 +291,7 @@ fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
     let temp = Folder::new("sizes");
     let examine = |file: &Path, spacing: Option<f64>, size: Option<[u32; 2]>| {
         let read = ReadOptions { metres_per_texel: spacing, raw_size: size, ..ReadOptions::default() };
-        scene_folder::examine(file, &ImportOptions { read, ..ImportOptions::default() })
+        scene_folder::examine(file, &ImportOptions { read, ..ImportOptions::default() }, &|| false)
     };
     for (file, size, edges) in [
         ("2x2.tif", [2, 2], None),
@@ -316,7 +325,8 @@ fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
     }
     // With added relief, vertices are close together, and the smallest map is drawn.
     let read = ReadOptions::default();
-    let fine = scene_folder::examine(&case("16-sizes/2x2.tif"), &ImportOptions { read, detail_m: 0.1, ..ImportOptions::default() });
+    let options = ImportOptions { read, detail_m: 0.1, ..ImportOptions::default() };
+    let fine = scene_folder::examine(&case("16-sizes/2x2.tif"), &options, &|| false);
     assert_eq!(fine.unwrap_or_else(|error| panic!("{error}")).report().notes, [""; 0]);
 }
 
@@ -549,7 +559,14 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     // A unit in the metadata and another one in the vertical system.
     let vertical = shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4099, 0, 1, 9001]);
     let both = vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical, metadata(&[("unittype", "ft")])];
-    has(&one_line(with_tags(both, &plain())), &["unit foot", "unit metre"]);
+    has(&one_line(with_tags(both, &plain())), &["contradicts itself", "unit foot", "unit metre"]);
+    // A vertical system whose unit nobody states.
+    let vertical = |system: u16| shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4096, 0, 1, system]);
+    let with_system = |system: u16| with_tags(vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical(system)], &plain());
+    let unknown = with_system(5103).unwrap_or_else(|error| panic!("{error}"));
+    has(&notes(&unknown), &["the unit of its vertical system (code 5103) is not known"]);
+    let known = with_system(5703).unwrap_or_else(|error| panic!("{error}"));
+    assert!(!notes(&known).contains("vertical system"), "negative control");
     // A negative scale is applied, as GDAL does.
     let turned = with_tags(vec![metadata(&[("scale", "-1")])], &plain()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(turned.map.elevation_range_m(), (-303.0, -100.0));
@@ -578,8 +595,11 @@ fn masks_must_fit_their_image() {
     assert_eq!(bits.map, bytes.map);
     let open = masked([6, 5], 1, vec![0xff; 5]).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(open.report.void_count, 0);
-    has(&one_line(masked([5, 5], 1, vec![0xff; 5])), &["mask has 5 x 5 samples, but the image 6 x 5"]);
-    has(&one_line(masked([6, 5], 16, vec![0xff; 60])), &["mask has 1 bands of 16 bits"]);
+    has(&one_line(masked([5, 5], 1, vec![0xff; 5])), &["contradicts itself: its mask has 5 x 5 samples, but the image 6 x 5"]);
+    has(&one_line(masked([6, 5], 16, vec![0xff; 60])), &["mask has 1 band of 16 bits"]);
+    let mask = || ([6, 5], 1, vec![Tag(254, 4, 4u32.to_le_bytes().to_vec()), shorts(262, &[4])], vec![0xff; 5]);
+    let two = tiff(&[([6, 5], 32, Vec::new(), slope()), mask(), mask()]);
+    has(&one_line(heightmap::decode(Cursor::new(two), Path::new("made.tif"), &plain())), &["contradicts itself: it has two masks"]);
     has(&one_line(masked([6, 5], 1, vec![0; 5])), &["no sample has data", "mask"]);
     has(&one_line(masked([6, 5], 1, vec![0xff; 3])), &["3 bytes, but needs 5"]);
 }
@@ -671,8 +691,8 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
 fn an_import_that_is_stopped_leaves_nothing_behind() {
     let temp = Folder::new("cases-stopped");
     let out = temp.0.join("scene");
-    let understood =
-        scene_folder::examine(&case("07-south-up/south_up.tif"), &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    let understood = scene_folder::examine(&case("07-south-up/south_up.tif"), &ImportOptions::default(), &|| false)
+        .unwrap_or_else(|error| panic!("{error}"));
     let asked = std::cell::Cell::new(0);
     for stops_at in 1..=5 {
         asked.set(0);

@@ -6,7 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kernels::base::error::Error;
+use kernels::decode::heightmap::ReadOptions;
 use kernels::import::materials::{MaterialSurvey, Tile, chosen, survey};
+use kernels::import::scene_folder::{self, ImportOptions};
 use kernels::materials::folder::{self, Convention, Reading};
 use kernels::materials::{MaterialMaps, Palette};
 use kernels::scene;
@@ -23,7 +25,7 @@ fn case(path: &str) -> PathBuf {
 }
 
 fn surveyed(folder: &Path) -> MaterialSurvey {
-    let survey = survey(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let survey = survey(folder, &|| false).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let text = survey.to_string();
     assert!(text.lines().all(|line| !line.chars().any(char::is_control)) && !text.ends_with('\n'), "{text:?}");
     survey
@@ -353,6 +355,30 @@ fn an_albedo_in_tga_is_read_35() {
 }
 
 #[test]
+fn a_tga_that_is_too_short_for_its_size_is_refused_before_it_is_decoded() {
+    let temp = Folder::new("short-tga");
+    let folder = temp.0.join("m");
+    write(&folder, 8, &PLAIN[1..]);
+    let header = |kind: u8, edge: u16| {
+        let [low, high] = edge.to_le_bytes();
+        vec![0, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0, low, high, low, high, 24, 0]
+    };
+    // Uncompressed; run-length encoded: each packet of 4 bytes repeats a colour 128 times.
+    for (kind, body) in [(2, vec![90; 3 * 128 * 128]), (10, [0xff, 90, 90, 90].repeat(128))] {
+        let file = [header(kind, 128), body].concat();
+        fs::write(folder.join("albedo.tga"), &file).expect("written");
+        let survey = surveyed(&temp.0);
+        assert!(survey.refused.is_empty(), "{survey}");
+        fs::write(folder.join("albedo.tga"), &file[..file.len() - 1]).expect("written");
+        has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "bytes cannot hold 128x128 texels", "truncated or damaged"]);
+        fs::write(folder.join("albedo.tga"), header(kind, 8192)).expect("written");
+        has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "18 bytes cannot hold 8192x8192 texels"]);
+        fs::write(folder.join("albedo.tga"), &file[..17]).expect("written");
+        has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "ends too early"]);
+    }
+}
+
+#[test]
 fn each_map_may_have_its_own_size_36() {
     let survey = surveyed(&case("36-sizes/set"));
     assert_eq!(names(&survey), ["granite", "grass"]);
@@ -565,6 +591,14 @@ fn what_files_say_about_their_texels_is_applied_or_refused() {
     let jpeg = fs::read(folder.join("albedo.jpg")).expect("readable");
     fs::write(folder.join("albedo.jpg"), &jpeg[..jpeg.len() - 20]).expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "truncated"]);
+    // A preview in a segment for applications, as cameras write it, has an end of its own.
+    let length = u16::try_from(jpeg.len() + 2).expect("a small preview").to_be_bytes();
+    let (start, rest) = jpeg.split_at(2);
+    let with_preview = [start, b"\xff\xe1", &length, &jpeg, rest].concat();
+    fs::write(folder.join("albedo.jpg"), &with_preview).expect("written");
+    assert!(surveyed(&temp.0).refused.is_empty());
+    fs::write(folder.join("albedo.jpg"), &with_preview[..with_preview.len() - 20]).expect("written");
+    has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "truncated"]);
     // Other formats are named.
     fs::write(folder.join("albedo.jpg"), b"RIFF\x10\0\0\0WEBPVP8 1234").expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "WebP files cannot be read", "PNG"]);
@@ -619,6 +653,55 @@ fn the_size_of_a_tile_is_given_named_or_assumed() {
     }
     fs::rename(temp.0.join("granite_2m/height.png"), temp.0.join("granite_2m/height_3m.png")).expect("renamed");
     has(&refusal(&surveyed(&temp.0)), &["granite_2m", "different sizes", "2 m and 3 m"]);
+    // A material in a folder called textures has the name of the folder above, and the size that this name states.
+    let temp = Folder::new("tiles-above");
+    write(&temp.0.join("rock_2m/textures"), 8, &PLAIN);
+    let survey = surveyed(&temp.0);
+    assert_eq!((survey.found[0].name.as_str(), survey.found[0].tile), ("rock_2m", Tile::Named(2.0)));
+}
+
+#[test]
+fn notes_repeat_what_is_assumed_and_not_used() {
+    let temp = Folder::new("notes");
+    write(&temp.0.join("grass"), 8, &PLAIN);
+    write(&temp.0.join("granite_2m"), 8, &PLAIN);
+    assert_eq!(surveyed(&temp.0).notes(), ["assumed size of a repeat: grass 2.5 m; a name such as rock_2m states it"]);
+    write(&temp.0.join("grass"), 8, &[("normal.png", [128, 128, 200]), ("photo.png", [1; 3])]);
+    let notes = surveyed(&temp.0).notes();
+    assert_eq!(notes.len(), 3, "{notes:?}");
+    has(&notes[0], &["grass: normal.png: the lengths"]);
+    has(&notes[2], &["not used of", "photo.png"]);
+}
+
+#[test]
+fn a_survey_stops_between_materials() {
+    let temp = Folder::new("survey-stopped");
+    for i in 0..5 {
+        write(&temp.0.join(format!("m{i}")), 8, &PLAIN);
+    }
+    let asked = std::cell::Cell::new(0);
+    let stops_at = |limit: usize| {
+        asked.set(0);
+        survey(&temp.0, &|| {
+            asked.set(asked.get() + 1);
+            asked.get() >= limit
+        })
+    };
+    has(&one_line(stops_at(1)), &["stopped"]);
+    has(&one_line(stops_at(2)), &["stopped"]);
+    assert_eq!(stops_at(100).expect("not stopped").found.len(), 5);
+    // The heightmap is read before the materials.
+    let read = ReadOptions { metres_per_texel: Some(10.0), height_range_m: Some([300.0, 900.0]), ..ReadOptions::default() };
+    let options = ImportOptions { read, materials: Some(temp.0.clone()), ..ImportOptions::default() };
+    for limit in 1..=3 {
+        asked.set(0);
+        let stopped = || {
+            asked.set(asked.get() + 1);
+            asked.get() >= limit
+        };
+        has(&one_line(scene_folder::examine(&case("valley.png"), &options, &stopped)), &["stopped", "nothing was written"]);
+    }
+    assert!(scene_folder::examine(&case("valley.png"), &options, &|| false).is_ok(), "negative control: not stopped");
 }
 
 // ----------------------------------------------------------------------------------------------------------------- bad input
@@ -646,7 +729,7 @@ fn two_files_for_one_map_are_refused() {
 #[test]
 fn a_folder_without_materials_is_refused_with_what_was_seen() {
     let temp = Folder::new("nothing");
-    has(&one_line(survey(&temp.0.join("nowhere"))), &["nowhere"]);
+    has(&one_line(survey(&temp.0.join("nowhere"), &|| false)), &["nowhere"]);
     has(&refusal(&surveyed(&temp.0)), &["no folder holds", "albedo, normal, height and roughness"]);
     write(&temp.0.join("photos"), 8, &[("IMG_1.png", [1; 3]), ("IMG_2.png", [1; 3])]);
     write(&temp.0.join("half"), 8, &PLAIN[..1]);
@@ -655,7 +738,7 @@ fn a_folder_without_materials_is_refused_with_what_was_seen() {
     has(&refusal(&survey), &["seen: ", "half/albedo.png", "photos/IMG_1.png"]);
     has(unused(&survey, "empty"), &["an empty folder"]);
     has(unused(&survey, "albedo.png"), &["no other map"]);
-    has(&survey.to_string(), &["not used in photos: IMG_1.png, IMG_2.png: its name states no map"]);
+    has(&survey.to_string(), &["not used in photos: IMG_1.png, IMG_2.png: its name does not say which map it is"]);
 }
 
 #[test]
@@ -698,7 +781,7 @@ fn more_materials_than_textures_are_refused_before_they_are_read() {
             fs::write(folder.join(name), b"no image").expect("written");
         }
     }
-    has(&one_line(survey(&temp.0)), &["33 materials", "at most 32", "take some out"]);
+    has(&one_line(survey(&temp.0, &|| false)), &["33 materials", "at most 32", "take some out"]);
     fs::remove_dir_all(temp.0.join("m7")).expect("removed");
     let survey = surveyed(&temp.0);
     assert_eq!(survey.refused.len(), 32);
@@ -762,7 +845,20 @@ fn import_refuses_what_render_would_refuse_and_takes_the_rest() {
         failure(&call.each_ref().map(String::as_str), &words);
         assert!(!Path::new(&out).exists(), "{set}: nothing is left behind");
     }
-    for set in ["31-polyhaven-names/set", "36-sizes/set", "41-flat-folder/set", "44-nested/set", "47-one-unnamed/set"] {
+    let sets = [
+        "31-polyhaven-names/set",
+        "32-ambientcg-names/set",
+        "33-upper-case/set",
+        "35-albedo-tga/set",
+        "36-sizes/set",
+        "38-gloss/set",
+        "39-packed-arm/set",
+        "40-exr-maps/set",
+        "41-flat-folder/set",
+        "44-nested/set",
+        "47-one-unnamed/set",
+    ];
+    for set in sets {
         let out = temp.path(&set.replace('/', "-"));
         let call = arguments(&case(set).display().to_string(), &out);
         success(&call.each_ref().map(String::as_str));
@@ -771,5 +867,30 @@ fn import_refuses_what_render_would_refuse_and_takes_the_rest() {
         let palette = Palette::build(&scene, 64.0, |_| Ok(())).unwrap_or_else(|error| panic!("{set}: {error}"));
         assert_eq!(palette.entries.len(), surveyed(&case(set)).found.len(), "{set}");
     }
-    assert_eq!(fs::read_dir(&temp.0).expect("readable").count(), 5);
+    assert_eq!(fs::read_dir(&temp.0).expect("readable").count(), sets.len());
+}
+
+#[test]
+fn a_flat_map_with_normals_of_two_channels_is_imported_45() {
+    let temp = Folder::new("import-45");
+    let flat = case("45-normal-conventions/flat.png").display().to_string();
+    for (name, expected) in [
+        ("flat", [0.0, 0.0]),
+        ("gl_up", [0.0, 0.5]),
+        ("gl_right", [0.5, 0.0]),
+        ("two_channel_blue0", [0.0, 0.5]),
+        ("two_channel_blue255", [0.0, 0.5]),
+        ("two_channel_blue128_flat", [0.0, 0.0]),
+    ] {
+        let (set, out) = (case("45-normal-conventions").join(name).display().to_string(), temp.path(name));
+        success(&["import", &flat, "--metres-per-texel", "4", "--height-range", "0,0.01", "--materials", &set, "--out", &out]);
+        let scene = scene::load(&out).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(scene.materials.len(), 1, "{name}");
+        let copy = scene.materials[0].folder.as_ref().expect("materials of images have a folder");
+        let maps = folder::load(name, &Path::new(&out).join(copy), 64).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for normal in maps.normal {
+            let distance = (0..2).map(|axis| (f64::from(normal[axis]) - expected[axis]).abs()).fold(0.0, f64::max);
+            assert!(distance < 0.01, "{name}: {normal:?}, expected {expected:?}");
+        }
+    }
 }

@@ -228,11 +228,8 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     let original = stage.model().settings.scene.clone();
     let typed = |stage: &mut Stage, path: &str| take(stage, &format!("type Texture folder = {path}; click Use texture folder"));
     let empty = folder.path(".");
-    let refused = [
-        ("", "type the name of a folder"),
-        ("/nowhere/at/all", "cannot read the folder /nowhere/at/all"),
-        (empty.as_str(), "no albedo"),
-    ];
+    let refused =
+        [("", "type the name of a folder"), ("/nowhere/at/all", "cannot read the folder /nowhere/at/all"), (empty.as_str(), "no albedo")];
     for (path, text) in refused {
         typed(&mut stage, path);
         assert!(says(&stage, text), "{path}: {:?}", stage.names());

@@ -238,7 +238,7 @@ fn bad_files_are_refused_with_what_where_and_how() {
     for (name, bad, words) in [
         ("nan.exr", f32::NAN, "1 that are NaN"),
         ("infinite.exr", f32::INFINITY, "1 that are infinite"),
-        ("gap.exr", -9999.0, "1 samples have the value -9999"),
+        ("gap.exr", -9999.0, "1 sample has the value -9999"),
     ] {
         write_exr(&temp.path(name), SIZE, |x, y| if (x, y) == (20, 11) { bad } else { x as f32 });
         refuse(name, &options(), &[words, "column 20, row 11", "--fill-voids"]);
@@ -373,6 +373,36 @@ fn an_import_takes_its_materials_along() {
     });
     let largest = offsets.fold(0.0, f64::max);
     assert!(largest > 0.5 && largest < 2.1, "{largest} m");
+}
+
+#[test]
+fn files_beside_a_heightmap_are_refused_if_they_say_what_its_samples_mean() {
+    let temp = Temp::new("beside");
+    let bytes: Vec<u8> = values(SIZE).into_iter().flat_map(u16::to_le_bytes).collect();
+    let options = ReadOptions { raw_size: Some(SIZE), ..options() };
+    let notes = |path: &Path| heightmap::read(path, &options).unwrap_or_else(|e| panic!("{e}")).report.notes;
+    let (path, metadata, mask) = (temp.path("a.raw"), temp.path("a.raw.aux.xml"), temp.path("a.raw.msk"));
+    fs::write(&path, &bytes).expect("a heightmap");
+    assert!(!notes(&path).iter().any(|note| note.contains("beside")), "negative control");
+    fs::write(&metadata, "<PAMDataset><Metadata/></PAMDataset>").expect("metadata");
+    assert!(notes(&path).iter().any(|note| note.contains("a.raw.aux.xml beside it is not read")));
+    for element in ["Scale", "Offset", "NoDataValue", "UnitType"] {
+        let band = format!("<PAMDataset><PAMRasterBand band=\"1\"><{element}>2</{element}></PAMRasterBand></PAMDataset>");
+        fs::write(&metadata, band).expect("metadata");
+        expect_error(read(&path, &options), &["a.raw.aux.xml", element, "gdal_translate"]);
+    }
+    fs::remove_file(&metadata).expect("it is there");
+    fs::write(&mask, b"mask").expect("a mask");
+    expect_error(read(&path, &options), &["a.raw.msk", "GDAL_TIFF_INTERNAL_MASK"]);
+    // Names of files need not be Unicode.
+    #[cfg(target_os = "linux")]
+    {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+        fs::write(temp.0.join(OsStr::from_bytes(b"b\xff.raw")), &bytes).expect("a heightmap");
+        fs::write(temp.0.join(OsStr::from_bytes(b"b\xff.raw.msk")), b"mask").expect("a mask");
+        expect_error(read(&temp.0.join(OsStr::from_bytes(b"b\xff.raw")), &options), &["is a mask"]);
+    }
 }
 
 #[test]

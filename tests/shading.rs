@@ -111,7 +111,7 @@ fn fine_renderer() -> MutexGuard<'static, Renderer<'static>> {
         let mut scene = Scene { detail_size: 256, ..small_scene() };
         // Steep bumps reveal errors in the conversion of a gradient to a normal. A small gradient is nearly equal to the x and y of its normal, so it
         // would hide them.
-        scene.materials.iter_mut().for_each(|material| material.normal_strength *= 2.0);
+        scene.materials.iter_mut().for_each(|material| material.normal_strength *= 4.0);
         Mutex::new(Renderer::new(gpu(), &scene, &|_| {}).expect("the scene renders"))
     };
     RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
@@ -163,7 +163,7 @@ fn compare(camera: &str, fov_deg: f64, limits: &Limits, cases: &[Case]) {
 /// Textures have 8 bits, and a software adapter rounds each of the three steps of trilinear filtering to 8 bits. So the error of a filtered value is
 /// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with twice the
 /// usual strength, so its limit is larger.
-const LIMITS: Limits = Limits { median: [0.004, 0.008, 0.003, 0.003], most: [0.008, 0.02, 0.006, 0.006] };
+const LIMITS: Limits = Limits { median: [0.004, 0.016, 0.003, 0.003], most: [0.008, 0.04, 0.006, 0.006] };
 
 /// Moves a pixel by half a texel of the pages that it samples.
 fn half_a_texel(pixel: &mut Pixel) {

@@ -508,6 +508,28 @@ fn shards_are_not_mixed_up() {
 }
 
 #[test]
+fn what_an_import_notes_is_passed_on_once() {
+    let folder = Folder::new("store-import-notes");
+    let sample = |x: u32, y: u32| image::Luma([(x * 1100 + y * 310 + (x * y) % 97 * 60) as u16]);
+    image::ImageBuffer::from_fn(37, 29, sample).save(folder.0.join("heightmap.png")).expect("writable");
+    let grass = folder.0.join("materials").join("grass");
+    fs::create_dir_all(&grass).expect("writable");
+    for (name, colour) in [("albedo", [120, 110, 100]), ("normal", [128, 128, 255]), ("height", [90; 3]), ("roughness", [200; 3])] {
+        image::RgbImage::from_pixel(8, 8, image::Rgb(colour)).save(grass.join(format!("{name}.png"))).expect("writable");
+    }
+    let import =
+        "[import]\nheightmap = \"heightmap.png\"\nmetres_per_texel = 5.0\nheight_range_m = [100.0, 900.0]\nmaterials = \"materials\"\n";
+    let definition = definition::parse(&format!("{TEXT}\n{import}"), "trial.toml", &folder.0).expect("the definition is valid");
+    let run = folder.0.join("run");
+    let begun = open(&definition, &run, Existing::Refuse).expect("the scene is imported");
+    let notes = begun.notes().to_vec();
+    assert!(notes.iter().any(|note| note.starts_with("import: assumed size of a repeat: grass 2.5 m")), "{notes:?}");
+    drop(begun);
+    let resumed = open(&definition, &run, Existing::Resume).expect("the scene is there");
+    assert!(resumed.notes().is_empty(), "{:?}", resumed.notes());
+}
+
+#[test]
 fn a_changed_file_of_an_imported_scene_is_refused() {
     let folder = Folder::new("store-import");
     // A slope that rises to the east, with bumps.

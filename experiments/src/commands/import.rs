@@ -21,8 +21,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     if !args.heightmap.is_file() {
         bail!("there is no file {}: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
     }
-    let out = args.out.as_deref().filter(|_| !args.dry_run);
-    if let Some(out) = out {
+    if let Some(out) = args.out.as_deref() {
         if out.exists() {
             if !out.is_dir() {
                 bail!("{} is a file: give a folder that is empty or does not exist", out.display());
@@ -31,21 +30,22 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
                 bail!("{} is not empty: give a folder that is empty or does not exist", out.display());
             }
         }
-        match out.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => check_writable(parent)?,
-            _ => check_writable(std::path::Path::new("."))?,
+        let parent = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
+        if !args.dry_run {
+            check_writable(parent)?;
         }
     }
     watch_interrupts()?;
-    let understood = scene_folder::examine(&args.heightmap, &options(args))?;
-    let Some(out) = out else {
+    let stopped = || check_interrupted().is_err();
+    let understood = scene_folder::examine(&args.heightmap, &options(args), &stopped)?;
+    let Some(out) = args.out.as_deref().filter(|_| !args.dry_run) else {
         print(&format!("{understood}\n"))?;
         // What cannot be used is listed above; the error says how to mend it.
         understood.check()?;
         return print("dry run: nothing is written\n");
     };
     check_interrupted()?;
-    understood.write(out, &|| check_interrupted().is_err())?;
+    understood.write(out, &stopped)?;
     let out = out.display();
     print(&format!(
         "{understood}\n{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"

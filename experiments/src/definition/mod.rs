@@ -115,8 +115,8 @@ pub struct Import {
     /// Elevations of the smallest and the largest sample value, metres. They are not needed if the file stores metres, or states what its samples mean.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder that contains one folder of images for each material; a leading `$SCREE_DATA` is replaced as in `heightmap`. If absent, the materials
-    /// are procedural.
+    /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as in
+    /// `heightmap`. If absent, the materials are procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
     /// Largest offset of the procedural relief, metres. The relief adds details that are smaller than the sample spacing of the heightmap.

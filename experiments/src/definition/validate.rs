@@ -254,10 +254,9 @@ fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
         ))?;
     }
     match &job.options.materials {
-        Some(materials) if !materials.is_dir() => at.key("materials").fail(format!(
-            "there is no folder {}: give a folder that contains one folder of images for each material",
-            materials.display()
-        )),
+        Some(materials) if !materials.is_dir() => {
+            at.key("materials").fail(format!("there is no folder {}: give a folder that holds images of materials", materials.display()))
+        }
         _ => Ok(()),
     }
 }

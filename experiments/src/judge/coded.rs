@@ -1,11 +1,12 @@
 //! Pictures in PNG and JPEG files: decodes the samples as the file says, and records what it says beyond that.
 
-use std::io::{BufRead, Seek};
+use std::io::{BufRead, Read, Seek};
 
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
 use kernels::base::colour::linear_from_srgb;
 use kernels::decode::colours::{Colours, unapplied_profile};
+use kernels::decode::jpeg;
 use kernels::frame::MAX_PIXELS;
 
 use super::layers::convert;
@@ -26,6 +27,12 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
     let colours =
         if format == ImageFormat::Png { Colours::of_png(&mut input).map_err(|error| undecodable(&error))? } else { Colours::default() };
     input.rewind().map_err(unreadable)?;
+    if format == ImageFormat::Jpeg {
+        let mut bytes = Vec::new();
+        Read::read_to_end(&mut input, &mut bytes).map_err(unreadable)?;
+        jpeg::check_end(&bytes).map_err(|fault| fault.to_string())?;
+        input.rewind().map_err(unreadable)?;
+    }
     let mut decoder = ImageReader::with_format(input, format).into_decoder().map_err(|error| undecodable(&error))?;
     let (width, height) = decoder.dimensions();
     check_size(width, height)?;

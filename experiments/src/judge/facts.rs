@@ -32,12 +32,23 @@ pub struct Side<'a> {
     pub image: &'a Image,
 }
 
-/// Checks that the two pictures, which have the same size, can be laid on top of each other: where only one file stores pixels, they must be black,
-/// because the pixels of the other are shown as black. Pixels for which `mask` is false do not count.
+/// Checks that the two pictures, which have the same size, can be laid on top of each other: their display windows must lie at the same place, and where
+/// only one file stores pixels, they must be black, because the pixels of the other are shown as black. Pixels for which `mask` is false do not count.
 ///
 /// # Errors
-/// Such pixels are not black. The message names both windows.
+/// The display windows lie at different places, or such pixels are not black. The message names both windows.
 pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Result<()> {
+    if let (Some(a), Some(b)) = (test.image.origin.windows, reference.image.origin.windows)
+        && a.display.position != b.display.position
+    {
+        return Err(Error::Request(format!(
+            "{} shows {} and {} shows {}: these are different parts of the picture plane; save both with the same display window",
+            test.file.display(),
+            a.display,
+            reference.file.display(),
+            b.display
+        )));
+    }
     let all = |windows: Option<Windows>| windows.is_none_or(|windows| windows.missing() == 0);
     if all(test.image.origin.windows) && all(reference.image.origin.windows) {
         return Ok(());
@@ -71,7 +82,6 @@ pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>)
 /// is false do not count. The two pictures have the same size and content.
 pub fn notes(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>, metrics: &[Metric]) -> Vec<Note> {
     let mut notes: Vec<Note> = [test, reference].into_iter().flat_map(of_file).collect();
-    notes.extend(display_windows(test, reference));
     notes.extend(precision(test, reference));
     notes.extend(alpha(test, reference, mask));
     notes.extend(clamped(test, reference, mask, metrics));
@@ -110,15 +120,6 @@ fn of_file(side: Side<'_>) -> Vec<Note> {
     notes
 }
 
-/// Display windows at different places.
-fn display_windows(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
-    let [a, b] = [test.image.origin.windows?.display, reference.image.origin.windows?.display];
-    (a.position != b.position).then(|| Note {
-        about: "window",
-        text: format!("the pictures begin at different places, {a} and {b}: their upper left corners were laid on top of each other"),
-    })
-}
-
 /// 8 bits on one side only.
 fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     let (codes, floats) = match (test.image.origin.bits, reference.image.origin.bits) {
@@ -134,7 +135,8 @@ fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     Some(Note { about: "precision", text })
 }
 
-/// Different alpha, which no metric compares. A picture without alpha is opaque.
+/// Alpha, which no metric compares: where it differs, and whether only one of the files has colours that are multiplied by it. A picture without alpha is
+/// opaque.
 fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<Note> {
     if test.image.content != Content::Colour {
         return None;
@@ -147,16 +149,19 @@ fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<N
         let distance = (of(test, index) - of(reference, index)).abs();
         distance > tolerance || distance.is_nan()
     };
-    let count = compared.filter(|index| differs(*index)).count();
-    if count == 0 {
-        return None;
-    }
-    let mut text = format!("alpha differs in {count} pixels, and is not compared");
-    let both = test.image.alpha.is_some() && reference.image.alpha.is_some();
-    if both && test.image.origin.multiplied_by_alpha != reference.image.origin.multiplied_by_alpha {
-        text.push_str("; colours of OpenEXR are multiplied by alpha, those of PNG are not");
-    }
-    Some(Note { about: "alpha", text })
+    let count = compared.clone().filter(|index| differs(*index)).count();
+    let differing = (count > 0).then(|| format!("alpha differs in {count} pixels, and is not compared"));
+    // Colours of opaque pixels are the same in both conventions.
+    let is_clear = |index: usize| of(test, index) < 1.0 || of(reference, index) < 1.0;
+    let conventions_differ = test.image.origin.multiplied_by_alpha != reference.image.origin.multiplied_by_alpha;
+    let clear = if conventions_differ { compared.filter(|index| is_clear(*index)).count() } else { 0 };
+    let conventions = (clear > 0).then(|| {
+        format!(
+            "{clear} pixels are not opaque: colours of OpenEXR are multiplied by alpha, those of PNG are not, and they are compared as stored"
+        )
+    });
+    let texts: Vec<String> = [differing, conventions].into_iter().flatten().collect();
+    (!texts.is_empty()).then(|| Note { about: "alpha", text: texts.join("; ") })
 }
 
 /// Values that the sRGB encoding clamps.

@@ -179,7 +179,7 @@ impl Extremes {
             let rows = values.len() as u64 * u64::from(case.rows());
             ensure!(
                 rows <= MOST_OF_CASE,
-                "{place}: {} values of {} rows each are more than {MOST_OF_CASE} rows: give fewer",
+                "{place}: {} values with {} rows each make more than {MOST_OF_CASE} rows in total: give fewer values, or reduce `rows`",
                 values.len(),
                 case.rows()
             );

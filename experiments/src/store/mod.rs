@@ -30,6 +30,7 @@ use kernels::scene;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
+use crate::process::check_interrupted;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
 
@@ -114,7 +115,7 @@ pub struct Run {
     shares: Vec<Share>,
     /// Indices of finished parts.
     done: BTreeSet<usize>,
-    /// Notes for the user about the state of the folder.
+    /// Notes for the user about the state of the folder, and about a scene that was just imported.
     notes: Vec<String>,
     _lock: Lock,
 }
@@ -192,7 +193,7 @@ impl Run {
         self.definition.import.as_ref().map(|_| self.folder.join(SCENE))
     }
 
-    /// Returns notes for the user about the state of the folder, one per line.
+    /// Returns notes for the user about the state of the folder, and about the scene if it was just imported, one per line.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -213,7 +214,10 @@ impl Run {
             );
         } else {
             let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
-            scene_folder::import(&job.heightmap, &job.options, &scene)?;
+            let stopped = || check_interrupted().is_err();
+            let understood = scene_folder::examine(&job.heightmap, &job.options, &stopped)?;
+            understood.write(&scene, &stopped)?;
+            self.notes.extend(understood.notes().into_iter().map(|note| format!("import: {note}")));
         }
         self.manifest.files.insert(SCENE.to_owned(), hash_of_folder(&scene)?);
         self.manifest.write(&self.folder)?;

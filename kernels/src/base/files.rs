@@ -14,6 +14,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
 /// # Errors
 /// Writing or renaming fails; the temporary file is then removed.
 pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std::result::Result<(), E>) -> std::result::Result<(), E> {
+    let file = &target(file)?;
     let mut name = file.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
     let temporary = file.with_file_name(name);
@@ -23,6 +24,20 @@ pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std
         let _ = fs::remove_file(&temporary);
     }
     done
+}
+
+/// The file that is written if `file` is given: `file` itself, or the file to which a link leads.
+///
+/// # Errors
+/// The link leads nowhere. Or `file` is a device or a pipe: renaming would replace it by a file.
+fn target(file: &Path) -> Result<PathBuf> {
+    match fs::symlink_metadata(file) {
+        Ok(data) if data.is_symlink() => target(&fs::canonicalize(file).map_err(failed(file))?),
+        Ok(data) if !data.is_file() && !data.is_dir() => {
+            Err(Error::Request(format!("{} is a device or a pipe: give the name of a file", file.display())))
+        }
+        _ => Ok(file.to_owned()),
+    }
 }
 
 /// A folder that is filled under a temporary name, next to its final path. It is removed if [`WholeFolder::finish`] is not called.
@@ -37,6 +52,8 @@ impl WholeFolder {
     /// # Errors
     /// `place` does not end in a name, or the temporary folder cannot be created.
     pub fn beside(place: &Path) -> Result<WholeFolder> {
+        // A link to an empty folder keeps its name.
+        let place = &if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
         let Some(name) = place.file_name() else {
             return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
         };

@@ -6,7 +6,7 @@ use super::openexr::Chromaticities;
 use crate::base::error::one_line;
 
 /// Limit of the memory for what a PNG says beside its pixels (and for one of its rows), bytes.
-const MAX_INFO_BYTES: usize = 1 << 29;
+pub(super) const MAX_INFO_BYTES: usize = 1 << 26;
 
 /// An encoding whose exponent is 1/2.2 within this factor is sRGB's: libpng, `PNG_GAMMA_THRESHOLD_FIXED`. Programs write 1/2.2 for sRGB.
 const GAMMA_TOLERANCE: f64 = 0.05;
@@ -109,6 +109,23 @@ mod tests {
     fn profile(content: &[u8]) -> Vec<u8> {
         let tag = [b"desc".as_slice(), &144_u32.to_be_bytes(), &u32::try_from(content.len()).unwrap().to_be_bytes()].concat();
         [vec![0; 128], 1_u32.to_be_bytes().to_vec(), tag, content.to_vec()].concat()
+    }
+
+    #[test]
+    fn rows_that_exceed_the_limit_of_memory_are_refused() {
+        let colours = |width: u32| {
+            let mut bytes = Vec::new();
+            let mut encoder = png::Encoder::new(&mut bytes, width, 1);
+            encoder.set_color(png::ColorType::Rgba);
+            encoder.set_depth(png::BitDepth::Sixteen);
+            let mut writer = encoder.write_header().unwrap();
+            writer.write_chunk(png::chunk::IDAT, &[0; 8]).unwrap();
+            drop(writer);
+            Colours::of_png(std::io::Cursor::new(bytes))
+        };
+        assert_eq!(colours(1 << 10).unwrap(), Colours::default());
+        // 2^25 pixels of 8 bytes are 256 MiB.
+        assert!(matches!(colours(1 << 25), Err(png::DecodingError::LimitsExceeded)));
     }
 
     #[test]

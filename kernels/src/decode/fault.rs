@@ -8,8 +8,10 @@ use std::io;
 pub enum Fault {
     /// The operating system cannot read the file.
     Io(io::Error),
-    /// The file ends too early, or contradicts itself or its format. Holds what is wrong, without a remedy.
+    /// The file ends too early, or contradicts its format. Holds what is wrong, without a remedy.
     Damaged(String),
+    /// The file is intact, but two of its statements exclude each other. Holds both, without a remedy.
+    Contradictory(String),
     /// The file is intact, but of a kind that cannot be used, or it does not fit the options. Holds what is wrong, and the remedy.
     Unsupported(String),
     /// The file is intact, but a limit is exceeded. Holds the limit, and the remedy.
@@ -35,6 +37,9 @@ impl fmt::Display for Fault {
         match self {
             Fault::Io(source) => write!(f, "cannot be read: {source}"),
             Fault::Damaged(what) => write!(f, "cannot be decoded ({what}); the file is truncated or damaged: copy or export it again"),
+            Fault::Contradictory(what) => {
+                write!(f, "contradicts itself: {what}; correct the tags with gdal_edit.py, or write the file anew with gdal_translate")
+            }
             Fault::Unsupported(what) | Fault::TooLarge(what) => f.write_str(what),
         }
     }
@@ -44,7 +49,7 @@ impl std::error::Error for Fault {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Fault::Io(source) => Some(source),
-            Fault::Damaged(_) | Fault::Unsupported(_) | Fault::TooLarge(_) => None,
+            Fault::Damaged(_) | Fault::Contradictory(_) | Fault::Unsupported(_) | Fault::TooLarge(_) => None,
         }
     }
 }

@@ -4,4 +4,5 @@ mod chromaticities;
 pub mod colours;
 pub mod fault;
 pub mod heightmap;
+pub mod jpeg;
 pub mod openexr;

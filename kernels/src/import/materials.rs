@@ -108,15 +108,26 @@ impl fmt::Display for Tile {
     }
 }
 
+/// Refuses to go on if the user wants to stop.
+///
+/// # Errors
+/// [`Error::Request`].
+pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
+    if stopped() { Err(Error::Request("stopped; nothing was written".to_owned())) } else { Ok(()) }
+}
+
 /// Finds the materials in a folder and its sub-folders, and reads all their maps. A sub-folder may hold one material, or several that differ by the
 /// beginning of the names of their files. Links are followed, but no folder is read twice.
 ///
 /// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
 /// are listed as unused, except texts, which are kept with the materials.
 ///
+/// `stopped`: asked before every few materials whether the user wants to stop.
+///
 /// # Errors
-/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a scene can have.
-pub fn survey(folder: &Path) -> Result<MaterialSurvey> {
+/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a scene can have;
+/// the user stopped.
+pub fn survey(folder: &Path, stopped: &dyn Fn() -> bool) -> Result<MaterialSurvey> {
     // An error in a sub-folder is listed, but the folder itself must be readable.
     drop(fs::read_dir(folder).map_err(|source| Error::File { file: shown(folder).into(), source })?);
     let mut walk = Walk::default();
@@ -135,6 +146,7 @@ pub fn survey(folder: &Path) -> Result<MaterialSurvey> {
     make_unique(folder, &mut places);
     let mut found = Vec::new();
     for chunk in places.chunks(SOURCES_AT_ONCE) {
+        go_on(stopped)?;
         let outcomes: Vec<std::result::Result<Found, Refused>> = chunk.par_iter().map(Place::examine).collect();
         for outcome in outcomes {
             match outcome {
@@ -221,6 +233,23 @@ impl MaterialSurvey {
             });
         }
         Ok(())
+    }
+
+    /// What a user should know about the materials that can be drawn, and what is not used, one line each.
+    pub fn notes(&self) -> Vec<String> {
+        let of_one = |found: &Found| found.remarks.iter().map(|remark| format!("{}: {remark}", found.name)).collect::<Vec<_>>();
+        let mut notes: Vec<String> = self.found.iter().flat_map(of_one).collect();
+        let is_assumed = |found: &&Found| matches!(found.tile, Tile::Assumed(_));
+        let assumed: Vec<String> =
+            self.found.iter().filter(is_assumed).map(|found| format!("{} {} m", found.name, found.tile.metres())).collect();
+        if !assumed.is_empty() {
+            notes.push(format!("assumed size of a repeat: {}; a name such as rock_2m states it", few(assumed)));
+        }
+        if !self.unused.is_empty() {
+            let unused = few(self.unused.iter().map(|unused| self.relative(&unused.path)));
+            notes.push(format!("not used of {}: {unused}", shown(&self.folder)));
+        }
+        notes
     }
 
     /// A path below the folder, for a message.
@@ -411,10 +440,12 @@ impl Place {
         Ok(Found { name: self.name.clone(), recognised: self.recognised.clone(), edges, remarks, tile })
     }
 
-    /// The size of a repeat, from the names of folder and files.
+    /// The size of a repeat, from the names of folder, material and files. The material may have its name from the folder above.
     fn tile(&self) -> std::result::Result<Tile, String> {
         let of_folder = self.folder.file_name().and_then(|name| stated_tile_m(&name.to_string_lossy()));
-        let mut stated: Vec<f64> = self.recognised.maps().filter_map(|(_, source)| source.tile_m).chain(of_folder).collect();
+        let of_material = stated_tile_m(&self.name);
+        let of_files = self.recognised.maps().filter_map(|(_, source)| source.tile_m);
+        let mut stated: Vec<f64> = of_files.chain(of_folder).chain(of_material).collect();
         stated.sort_by(f64::total_cmp);
         stated.dedup();
         match stated.as_slice() {

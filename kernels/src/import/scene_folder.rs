@@ -52,14 +52,17 @@ pub struct Understood {
 
 /// Reads the heightmap and the materials of an import. Nothing is written.
 ///
+/// `stopped`: asked several times whether the user wants to stop.
+///
 /// # Errors
 /// The errors of [`read`]; [`Error::Heightmap`] if nothing of the map would be drawn, or if too many samples without data shall become holes;
-/// [`Error::Request`] if `detail_m` is negative; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
-pub fn examine(source: &Path, options: &ImportOptions) -> Result<Understood> {
+/// [`Error::Request`] if `detail_m` is negative, or if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
+pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {
         return Err(Error::Request(format!("the detail is {detail_m} m; it must be 0 (no added relief) or more")));
     }
+    materials::go_on(stopped)?;
     let Reading { map, mut report, holes } = read(source, &options.read)?;
     let wrong = |what: String| Error::Heightmap { file: source.to_owned(), what };
     report.notes.extend(undrawn(&map, detail_m).map_err(wrong)?);
@@ -70,7 +73,7 @@ pub fn examine(source: &Path, options: &ImportOptions) -> Result<Understood> {
         )));
     }
     let materials = match &options.materials {
-        Some(folder) => Some(materials::survey(folder)?.with_tile_m(options.tile_m)?),
+        Some(folder) => Some(materials::survey(folder, stopped)?.with_tile_m(options.tile_m)?),
         None => None,
     };
     Ok(Understood {
@@ -95,7 +98,7 @@ fn name_of(source: &Path) -> String {
 /// The errors of both; [`Error::Request`] if `out_dir` exists and is not an empty folder.
 pub fn import(source: &Path, options: &ImportOptions, out_dir: &Path) -> Result<Scene> {
     refuse_occupied(out_dir)?;
-    examine(source, options)?.write(out_dir, &|| false)
+    examine(source, options, &|| false)?.write(out_dir, &|| false)
 }
 
 /// A note about the edge of a map that is not drawn; None if all is drawn.
@@ -150,6 +153,12 @@ impl Understood {
         &self.report
     }
 
+    /// What a user should know about the files, one line each. [`Understood`] as text contains it, too.
+    pub fn notes(&self) -> Vec<String> {
+        let of_materials = self.materials.iter().flat_map(MaterialSurvey::notes);
+        self.report.notes.iter().cloned().chain(of_materials).collect()
+    }
+
     /// Checks that all materials can be drawn.
     ///
     /// # Errors
@@ -169,7 +178,7 @@ impl Understood {
     /// [`Error::Material`] if a texture repeats too often for the size of the world; [`Error::File`] and [`Error::Image`] if writing fails.
     pub fn write(&self, out_dir: &Path, stopped: &dyn Fn() -> bool) -> Result<Scene> {
         refuse_occupied(out_dir)?;
-        let go_on = || if stopped() { Err(Error::Request("stopped; nothing was written".to_owned())) } else { Ok(()) };
+        let go_on = || materials::go_on(stopped);
         go_on()?;
         let staging = WholeFolder::beside(out_dir)?;
         let scene = self.write_into(staging.folder(), &go_on)?;

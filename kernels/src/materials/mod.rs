@@ -249,7 +249,7 @@ impl Palette {
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
             return Err(of_scene(format!(
-                "the scene has {count} materials, but a splat texel can refer to 1 to {MAX_MATERIALS}: add or remove [[material]] tables"
+                "the scene has {count} materials, but it must have 1 to {MAX_MATERIALS}, because a splat texel stores the index of a material in 8 bits: add or remove [[material]] tables"
             )));
         }
         if !size.is_power_of_two() || !(64..=2048).contains(&size) {

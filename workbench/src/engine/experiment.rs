@@ -660,7 +660,7 @@ mod tests {
         let file = save(&seen, "seen", &settings(), &camera("cliff"), EXTENT).expect("it is saved");
         let before = fs::read(&file).expect("written");
         let error = save(&seen, "seen", &settings(), &camera("ground"), EXTENT).expect_err("it is there").to_string();
-        assert!(error.contains("seen exists") && error.contains("choose another name"), "{error}");
+        assert!(error.contains("seen already exists") && error.contains("choose another name"), "{error}");
         assert_eq!((fs::read(&file).expect("still there"), folder.names().len()), (before, 1));
         // A file, or an empty folder, is not overwritten either.
         fs::write(folder.0.join("file"), b"x").expect("a temporary file");

@@ -97,7 +97,7 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
     chosen
 }
 
-/// If an action that would lose edits waits for the user, asks whether to continue.
+/// Asks whether to continue if an action that would discard unsaved edits is pending.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {

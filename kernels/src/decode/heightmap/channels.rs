@@ -39,10 +39,14 @@ impl Candidate<'_> {
         self.channel.base_name().to_lowercase()
     }
 
-    /// Whether the part, a layer or the channel is named after heights.
+    /// Whether the channel is named after heights, or is in a part or layer that is, and has a name that heights may have there. Such a layer may hold
+    /// other data, too, such as `height.mask`.
     fn is_named(&self) -> bool {
-        let names = [self.part.name.as_str(), self.channel.name.as_str()];
-        names.iter().flat_map(|name| name.split('.')).any(|name| HEIGHTS.contains(&name.trim().to_lowercase().as_str()))
+        let base = self.base();
+        let layer = self.channel.layer();
+        let is_height = |name: &str| HEIGHTS.contains(&name.trim().to_lowercase().as_str());
+        let is_in_layer = self.part.name.split('.').chain(layer.split('.')).any(is_height);
+        is_height(&base) || (is_in_layer && (PLAIN.contains(&base.as_str()) || COLOURS.contains(&base.as_str())))
     }
 }
 
@@ -235,6 +239,8 @@ mod tests {
             (vec![part("", &[("A", B), ("B", A), ("G", A), ("R", A)])], "R"),
             (vec![part("", &[("flow", A), ("Z", A)])], "Z"),
             (vec![part("", &[("anything", A)])], "anything"),
+            (vec![part("", &[("height.mask", A)])], "height.mask"),
+            (vec![part("", &[("height.mask", A), ("height.Y", B)])], "height.Y"),
         ] {
             assert_eq!(chosen(&parts), Ok(expected.to_owned()));
         }
@@ -251,6 +257,8 @@ mod tests {
             (vec![part("", &[("one.height", A), ("two.height", A)])], "one of: one.height, two.height"),
             (vec![part("", &[("x.B", A), ("x.G", A), ("y.R", A)])], "colours"),
             (vec![part("", &[("A", A)])], "one of: A"),
+            (vec![part("", &[("height.mask", A), ("flow", B)])], "one of: height.mask, flow"),
+            (vec![part("height", &[("mask", A)]), part("colour", &[("R", A)])], "one of: height.mask, colour.R"),
         ] {
             let text = chosen(&parts).expect_err(words);
             assert!(text.contains(words) && text.contains("--channel"), "`{words}` is missing in: {text}");

@@ -10,17 +10,18 @@ use crate::decode::fault::Fault;
 /// Returns scale, offset and unit of the first band.
 ///
 /// # Errors
-/// A value is not a number, the scale is 0, the unit is unknown, or two items contradict each other.
+/// The metadata are cut or not well formed, a value is not a number, the scale is 0, the unit is unknown, or two items contradict each other.
 pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
-    let scale = number(xml, "scale")?;
+    let items = items(xml)?;
+    let scale = number(&items, "scale")?;
     // Subnormal numbers count as 0: dividing by them overflows.
     if let Some(scale) = scale.filter(|scale| !scale.is_normal()) {
         return Err(Fault::Unsupported(format!(
             "the scale of its heights is {scale}; state the true one with gdal_translate -a_scale SCALE IN OUT.tif"
         )));
     }
-    let offset = number(xml, "offset")?;
-    let unit = match one(xml, "unittype")? {
+    let offset = number(&items, "offset")?;
+    let unit = match one(&items, "unittype")? {
         None => None,
         Some(name) if name.trim().is_empty() => None,
         Some(name) => Some(Unit::of_name(&name).ok_or_else(|| {
@@ -34,8 +35,8 @@ pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
 }
 
 /// The finite number of a role.
-fn number(xml: &str, role: &str) -> Result<Option<f64>, Fault> {
-    let Some(text) = one(xml, role)? else { return Ok(None) };
+fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
+    let Some(text) = one(items, role)? else { return Ok(None) };
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(Some(value)),
         _ => Err(Fault::Unsupported(format!(
@@ -46,17 +47,17 @@ fn number(xml: &str, role: &str) -> Result<Option<f64>, Fault> {
 }
 
 /// The text of the item with this role for the first band.
-fn one(xml: &str, role: &str) -> Result<Option<String>, Fault> {
-    let mut found: Option<String> = None;
-    for item in items(xml).filter(|item| item.role == role && (item.sample.is_empty() || item.sample == "0")) {
-        match &found {
-            Some(other) if *other != item.text => {
-                return Err(Fault::Damaged(format!("its metadata state two values of {role}: {other} and {}", item.text)));
+fn one(items: &[Item], role: &str) -> Result<Option<String>, Fault> {
+    let mut found: Option<&str> = None;
+    for item in items.iter().filter(|item| item.role == role && (item.sample.is_empty() || item.sample == "0")) {
+        match found {
+            Some(other) if other != item.text => {
+                return Err(Fault::Contradictory(format!("its metadata state two values of {role}: {other} and {}", item.text)));
             }
-            _ => found = Some(item.text),
+            _ => found = Some(item.text.as_str()),
         }
     }
-    Ok(found)
+    Ok(found.map(str::to_owned))
 }
 
 struct Item {
@@ -67,34 +68,50 @@ struct Item {
     text: String,
 }
 
-/// The items of GDAL's metadata that have a role. What is not well formed ends the list.
-fn items(xml: &str) -> impl Iterator<Item = Item> + '_ {
+/// The items of GDAL's metadata that have a role.
+///
+/// # Errors
+/// An item is not well formed, or the end of the metadata is missing.
+fn items(xml: &str) -> Result<Vec<Item>, Fault> {
+    let damaged = |what: &str| Fault::Damaged(format!("its metadata (tag 42112) {what}"));
+    let mut items = Vec::new();
     let mut rest = xml;
-    std::iter::from_fn(move || {
-        loop {
-            let (_, from) = rest.split_once("<Item")?;
-            let (attributes, body) = from.split_once('>')?;
-            // An element without content ends in `/>`.
-            let (text, after) = if attributes.ends_with('/') { ("", body) } else { body.split_once("</Item>")? };
-            rest = after;
-            let role = attribute(attributes, "role").unwrap_or_default().to_lowercase();
-            if !role.is_empty() {
-                return Some(Item { role, sample: attribute(attributes, "sample").unwrap_or_default(), text: plain(text) });
-            }
-        }
-    })
+    while let Some((_, from)) = rest.split_once("<Item") {
+        let (item, after) = item(from).ok_or_else(|| damaged("hold an item that is not well formed"))?;
+        items.extend((!item.role.is_empty()).then_some(item));
+        rest = after;
+    }
+    if xml.contains("<GDALMetadata>") && !rest.contains("</GDALMetadata>") {
+        return Err(damaged("have no end"));
+    }
+    Ok(items)
 }
 
-/// The value of an attribute, in single or double quotes.
-fn attribute(attributes: &str, name: &str) -> Option<String> {
-    let mut rest = attributes;
+/// Reads an item, of which `<Item` is left out. Returns it and what follows it; None if it is not well formed.
+fn item(from: &str) -> Option<(Item, &str)> {
+    let mut item = Item { role: String::new(), sample: String::new(), text: String::new() };
+    let is_name = |text: &str| !text.is_empty() && !text.contains(|c: char| c.is_whitespace() || "<>\"'".contains(c));
+    let mut rest = from;
     loop {
+        rest = rest.trim_start();
+        // An element without content ends in `/>`.
+        if let Some(after) = rest.strip_prefix("/>") {
+            return Some((item, after));
+        }
+        if let Some(body) = rest.strip_prefix('>') {
+            let (text, after) = body.split_once("</Item>")?;
+            item.text = plain(text);
+            return (!text.contains('<')).then_some((item, after));
+        }
         let (key, after) = rest.split_once('=')?;
         let after = after.trim_start();
         let quote = after.chars().next().filter(|c| ['"', '\''].contains(c))?;
         let (value, next) = after.get(1..)?.split_once(quote)?;
-        if key.trim() == name {
-            return Some(plain(value));
+        match key.trim() {
+            "role" => item.role = plain(value).to_lowercase(),
+            "sample" => item.sample = plain(value),
+            other if is_name(other) => {}
+            _ => return None,
         }
         rest = next;
     }
@@ -159,8 +176,26 @@ mod tests {
             let text = told(items).expect_err(items).to_string();
             assert!(text.contains(words), "{items}: {text}");
         }
-        for broken in ["<Item role=\"scale\">1", "<Item role=scale>1</Item>", "<Item", "<Item role=\"scale\"/>"] {
-            assert!(!matches!(told(broken), Ok(Statement { scale: Some(_), .. })), "{broken}");
+        assert!(matches!(told("<Item role=\"scale\"/>"), Err(Fault::Unsupported(_))), "an item without content has no number");
+    }
+
+    #[test]
+    fn metadata_that_are_cut_or_not_well_formed_are_damaged() {
+        let whole =
+            "<GDALMetadata>\n<Item name=\"a>b\">x</Item><Item name=\"SCALE\" sample=\"0\" role=\"scale\">0.1</Item>\n</GDALMetadata>";
+        assert_eq!(statement(whole).expect("well formed").scale, Some(0.1));
+        for length in "<GDALMetadata>".len()..whole.len() {
+            assert!(matches!(statement(&whole[..length]), Err(Fault::Damaged(_))), "{}", &whole[..length]);
+        }
+        for broken in [
+            "<Item role=\"scale\">1",
+            "<Item role=scale>1</Item>",
+            "<Item",
+            "<Item name \"a\" role=\"scale\">1</Item>",
+            "<Item role>1</Item><Item role=\"scale\">1</Item>",
+            "<Item name=\"a\">x<Item role=\"scale\">1</Item>",
+        ] {
+            assert!(matches!(told(broken), Err(Fault::Damaged(_))), "{broken}");
         }
     }
 

@@ -24,12 +24,21 @@ const DOUBLE_PARAMETERS: u64 = 34_736;
 const USER_DEFINED: u16 = 32_767;
 const DEGREE: u16 = 9102;
 
-/// Vertical systems in feet (EPSG), with the code of their unit: NAVD88 and NGVD29 heights.
-const VERTICAL_FEET: [(u16, u16); 3] = [(6360, 9003), (5702, 9003), (8228, 9002)];
-/// Vertical systems whose numbers grow downwards (EPSG): depths of NAVD88, mean sea level, Caspian and Black Sea.
-const DEPTHS: [u16; 5] = [6357, 6358, 5715, 5706, 5336];
-/// The Mercator projections of web maps (EPSG).
-const WEB_MERCATOR: [u16; 2] = [3857, 3785];
+/// Vertical systems in feet whose numbers grow upwards (EPSG dataset 12.029), with the code of their unit.
+const VERTICAL_FEET: [(u16, u16); 10] = [
+    (5702, 9003),
+    (5754, 9095),
+    (6130, 9002),
+    (6131, 9002),
+    (6132, 9002),
+    (6360, 9003),
+    (8050, 9002),
+    (8052, 9003),
+    (8228, 9002),
+    (10_919, 9003),
+];
+/// The Mercator projections of the world (EPSG): those of web maps, and World Mercator.
+const WORLD_MERCATOR: [u16; 3] = [3857, 3785, 3395];
 
 /// Mean length of a degree of latitude, metres.
 const DEGREE_M: f64 = 111_195.0;
@@ -75,6 +84,8 @@ pub(super) struct Georeference {
     pub(super) vertical_unit: Option<Unit>,
     /// The unit of distances, if it is stated.
     pub(super) linear_unit: Option<Unit>,
+    /// The code of the vertical system, if neither the file nor the system says in which unit heights are.
+    pub(super) vertical_system_without_unit: Option<u16>,
 }
 
 impl Georeference {
@@ -85,7 +96,7 @@ impl Georeference {
     pub(super) fn read(tags: &Tags, size: [u32; 2]) -> Result<Georeference, Fault> {
         let keys = Keys::read(tags)?;
         let transform = Transform::read(tags)?;
-        let vertical_unit = keys.vertical_unit()?;
+        let (vertical_system, vertical_unit) = (keys.short(VERTICAL_SYSTEM), keys.vertical_unit()?);
         let centre = transform.map(|transform| transform.at(size.map(|n| f64::from(n) / 2.0)));
         let (spacing, linear_unit) = match keys.model()? {
             Model::Geographic => return Err(keys.degrees(transform, centre)),
@@ -101,6 +112,7 @@ impl Georeference {
             is_mirrored: transform.is_some_and(|t| t.across < 0.0),
             vertical_unit,
             linear_unit,
+            vertical_system_without_unit: vertical_system.filter(|&system| vertical_unit.is_none() && !has_metric_heights(system)),
         })
     }
 }
@@ -148,7 +160,7 @@ impl Keys {
                 _ => true,
             };
             if !is_new {
-                return Err(Fault::Damaged(format!("its GeoTIFF key {key} is there twice, with different values")));
+                return Err(Fault::Contradictory(format!("its GeoTIFF key {key} is there twice, with different values")));
             }
         }
         Ok(keys)
@@ -163,9 +175,9 @@ impl Keys {
         let has_projection = self.short(PROJECTED_SYSTEM).is_some();
         match self.short(MODEL_TYPE) {
             Some(1) => Ok(Model::Projected),
-            Some(2) if has_projection => {
-                Err(Fault::Damaged("its GeoTIFF keys say that its coordinates are geographic, but name a projected system".to_owned()))
-            }
+            Some(2) if has_projection => Err(Fault::Contradictory(
+                "its GeoTIFF keys say that its coordinates are geographic, but name a projected system".to_owned(),
+            )),
             Some(2) => Ok(Model::Geographic),
             Some(3) => Err(Fault::Unsupported(
                 "its coordinates are geocentric; convert it to a projected system with gdalwarp -t_srs EPSG:CODE IN OUT.tif".to_owned(),
@@ -194,7 +206,7 @@ impl Keys {
             })?,
         };
         match (of_system, system) {
-            (Some(_), Some(system)) if (unit.metres - METRE.metres).abs() > SAME_TERM => Err(Fault::Damaged(format!(
+            (Some(_), Some(system)) if (unit.metres - METRE.metres).abs() > SAME_TERM => Err(Fault::Contradictory(format!(
                 "its coordinates are in EPSG:{system}, whose unit is the metre, but it states the unit {}",
                 unit.name
             ))),
@@ -205,7 +217,7 @@ impl Keys {
     /// The unit of heights; None if no vertical system is stated.
     fn vertical_unit(&self) -> Result<Option<Unit>, Fault> {
         let system = self.short(VERTICAL_SYSTEM);
-        if let Some(system) = system.filter(|system| DEPTHS.contains(system)) {
+        if let Some(system) = system.filter(|&system| is_depth(system)) {
             return Err(Fault::Unsupported(format!(
                 "its numbers are depths (EPSG:{system}), which grow downwards; turn them into heights with gdal_calc.py -A IN --calc=-A --outfile=OUT.tif"
             )));
@@ -220,7 +232,7 @@ impl Keys {
             })?,
         };
         match of_system {
-            Some(other) if other != unit => Err(Fault::Damaged(format!(
+            Some(other) if other != unit => Err(Fault::Contradictory(format!(
                 "its vertical system EPSG:{} has the unit {}, but it states the unit {}",
                 system.unwrap_or_default(),
                 other.name,
@@ -246,20 +258,20 @@ impl Keys {
         let spacing = if across == down { across } else { (across * down).sqrt() };
         let Some(unit) = unit else { return Ok(Spacing::WithoutUnit(spacing)) };
         let metres = spacing * unit.metres;
-        if let (Some([x, y]), true) = (centre, self.short(PROJECTED_SYSTEM).is_some_and(|system| WEB_MERCATOR.contains(&system))) {
+        let web_map = self.short(PROJECTED_SYSTEM).filter(|system| WORLD_MERCATOR.contains(system));
+        if let (Some([x, y]), Some(system)) = (centre, web_map) {
             let [x, y] = [x, y].map(|v| v * unit.metres / MERCATOR_RADIUS_M);
             let stretch = y.cosh();
             if stretch.is_nan() {
-                return Err(Fault::Unsupported(
-                    "it is a web map (EPSG:3857), which stretches distances, but it does not say where it lies; \
+                return Err(Fault::Unsupported(format!(
+                    "it is a Mercator map of the world (EPSG:{system}), which stretches distances, but it does not say where it lies; \
                      convert it with gdalwarp -t_srs EPSG:CODE -r bilinear IN OUT.tif"
-                        .to_owned(),
-                ));
+                )));
             }
             if stretch - 1.0 > TRUE_SCALE {
                 let (longitude, latitude) = (x.to_degrees(), y.sinh().atan().to_degrees());
                 return Err(Fault::Unsupported(format!(
-                    "its samples are {spacing} m apart on a web map (EPSG:3857), but {} m on the ground at latitude {latitude:.1}; convert it with {}",
+                    "its samples are {spacing} m apart on a Mercator map of the world (EPSG:{system}), but {} m on the ground at latitude {latitude:.1}; convert it with {}",
                     three_digits(metres / stretch),
                     gdalwarp(longitude, latitude, metres / stretch)
                 )));
@@ -307,7 +319,7 @@ impl Transform {
         let of_matrix = tags.transformation.as_deref().map(Transform::of_matrix).transpose()?;
         match (of_scale, of_matrix) {
             (Some(one), Some(other)) if !one.is_near(other) => {
-                Err(Fault::Damaged("ModelPixelScale and ModelTransformation contradict each other".to_owned()))
+                Err(Fault::Contradictory("ModelPixelScale and ModelTransformation contradict each other".to_owned()))
             }
             (None, None) if tags.tie_points.as_ref().is_some_and(|points| points.len() > 6) => Err(Fault::Unsupported(
                 "it has ground control points instead of an equal spacing; convert it with gdalwarp -t_srs EPSG:CODE -r bilinear IN OUT.tif".to_owned(),
@@ -382,7 +394,31 @@ impl Transform {
 /// Whether the unit of a projected system (EPSG) is known to be the metre, from its code: UTM on WGS 84, ETRS89 and NAD83, the systems of the European
 /// Union, France, Great Britain, Switzerland and the Netherlands, and web maps.
 fn is_metric(system: u16) -> bool {
-    matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992 | 3857)
+    WORLD_MERCATOR.contains(&system)
+        || matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992)
+}
+
+/// Whether the numbers of a vertical system grow downwards: all systems of the EPSG dataset 12.029 whose axis points down.
+fn is_depth(system: u16) -> bool {
+    matches!(
+        system,
+        5336 | 5612 | 5614 | 5706 | 5715 | 5734 | 5739 | 5789 | 5831 | 5861..=5867 | 5873 | 6357..=6359 | 7976 | 8051 | 8053 | 8358 | 8378 | 8897
+            | 9287 | 9288 | 9672 | 10_150 | 10_151 | 10_349 | 10_364 | 10_370..=10_379 | 10_547..=10_552 | 10_649 | 10_650 | 10_678
+    )
+}
+
+/// Whether a vertical system has heights in metres: all such systems of the EPSG dataset 12.029.
+fn has_metric_heights(system: u16) -> bool {
+    matches!(
+        system,
+        3855 | 3886 | 3900 | 4440 | 4458 | 5193 | 5195 | 5214 | 5237 | 5317 | 5597 | 5600..=5611 | 5613 | 5615..=5621 | 5701 | 5703..=5705
+            | 5709..=5714 | 5716..=5733 | 5735..=5738 | 5740..=5753 | 5755..=5788 | 5790..=5799 | 5829 | 5843 | 5868..=5872 | 5874 | 5941
+            | 6178..=6187 | 6638..=6644 | 6647 | 6693..=6695 | 6916 | 7446 | 7447 | 7651 | 7652 | 7699 | 7700 | 7707 | 7832 | 7837 | 7839 | 7841
+            | 7888..=7890 | 7962 | 7968 | 7979 | 8089 | 8266 | 8267 | 8357 | 8434 | 8675 | 8690 | 8691 | 8841 | 8881 | 8904 | 8911 | 9130 | 9245
+            | 9255 | 9274 | 9279 | 9303 | 9335 | 9351 | 9389 | 9390 | 9392..=9402 | 9451 | 9458 | 9471 | 9650 | 9651 | 9663 | 9666 | 9669 | 9675
+            | 9681 | 9721 | 9722 | 9923 | 9927 | 10_190 | 10_352..=10_354 | 10_482..=10_485 | 10_565 | 10_588 | 10_642 | 10_740 | 10_763 | 10_900
+            | 10_918 | 10_999 | 11_157 | 20_000 | 20_034..=20_036
+    )
 }
 
 /// The call of gdalwarp that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between samples.
@@ -457,7 +493,7 @@ mod tests {
         assert_eq!(read(&bare).expect("usable").spacing, Spacing::WithoutUnit(10.0));
         assert_eq!(read(&Tags::default()).expect("usable").spacing, Spacing::Unknown);
         refused(&tags(1, &[[3072, 2903], [3076, 9999]]), &["EPSG code 9999"]);
-        refused(&tags(1, &[[3072, 32_632], [3076, 9003]]), &["EPSG:32632", "US survey foot", "damaged"]);
+        refused(&tags(1, &[[3072, 32_632], [3076, 9003]]), &["contradicts itself", "EPSG:32632", "US survey foot"]);
     }
 
     #[test]
@@ -475,7 +511,7 @@ mod tests {
         refused(&at(20.0, -85.0), &["EPSG:32761 -tr"]);
         refused(&at(f64::NAN, 10.0), &["EPSG:CODE -tr"]);
         refused(&tags(2, &[[2048, 4326], [2054, 9105]]), &["angles", "EPSG:CODE"]);
-        refused(&tags(2, &[[3072, 32_632]]), &["geographic, but name a projected system"]);
+        refused(&tags(2, &[[3072, 32_632]]), &["contradicts itself", "geographic, but name a projected system"]);
         refused(&tags(3, &[]), &["geocentric"]);
         // Without the type of the model, the systems decide.
         let mut old = at(11.0, 47.0);
@@ -488,6 +524,11 @@ mod tests {
         let web = |y: f64| Tags { tie_points: Some(vec![0.0, 0.0, 0.0, 1_224_514.0, y, 0.0]), ..tags(1, &[[3072, 3857], [3076, 9001]]) };
         refused(&web(5_942_074.0), &["EPSG:3857", "6.82 m on the ground", "latitude 47.0", "EPSG:32632 -tr 6.82"]);
         assert!((metres(&web(100.0)) - 10.0).abs() < 1e-12, "at the equator, distances are true");
+        // Both codes have metres, so the unit needs no key.
+        for system in [3857, 3785, 3395] {
+            let keys = tags(1, &[[3072, system]]).keys;
+            refused(&Tags { keys, ..web(5_942_074.0) }, &[&format!("EPSG:{system}"), "6.82 m on the ground"]);
+        }
     }
 
     #[test]
@@ -510,7 +551,7 @@ mod tests {
         refused(&matrix(0.0, 0.0, 0.0, 0.0), &["0 x 0 apart"]);
         refused(&matrix(f64::NAN, 0.0, 0.0, 10.0), &["4 x 4"]);
         let both = Tags { transformation: matrix(20.0, 0.0, 0.0, -20.0).transformation, ..tags(1, &[[3072, 32_632]]) };
-        refused(&both, &["contradict each other"]);
+        refused(&both, &["contradicts itself", "contradict each other"]);
         let scale = |x: f64, y: f64| Tags { pixel_scale: Some(vec![x, y, 0.0]), ..tags(1, &[[3072, 32_632]]) };
         refused(&scale(10.0, 25.0), &["25 metre", "gdalwarp -tr 10 10"]);
         for (x, y) in [(10.0, -10.0), (0.0, 10.0), (f64::NAN, 10.0), (f64::INFINITY, 10.0)] {
@@ -528,8 +569,19 @@ mod tests {
         assert_eq!(unit(&[[4096, 5703], [4099, 9001]]), Some(METRE));
         assert_eq!(unit(&[[4096, 6360]]), Unit::of_code(9003));
         assert_eq!(unit(&[[4099, 9002]]), Unit::of_code(9002));
-        refused(&tags(1, &[[3072, 32_632], [4096, 6360], [4099, 9001]]), &["EPSG:6360", "US survey foot", "metre"]);
-        refused(&tags(1, &[[3072, 32_632], [4096, 5715]]), &["depths"]);
+        refused(&tags(1, &[[3072, 32_632], [4096, 6360], [4099, 9001]]), &["contradicts itself", "EPSG:6360", "US survey foot", "metre"]);
+        for depth in [5715, 5861, 5866, 5831, 6359, 8051, 8053, 5614, 9287, 10_650] {
+            refused(&tags(1, &[[3072, 32_632], [4096, depth]]), &["depths", &format!("EPSG:{depth}")]);
+        }
+        for (system, of) in [(8050, 9002), (8052, 9003), (6130, 9002), (6131, 9002), (6132, 9002), (10_919, 9003), (5754, 9095)] {
+            assert!(unit(&[[4096, system]]).is_some_and(|unit| Some(unit) == Unit::of_code(of)), "{system}");
+        }
+        let unknown =
+            |keys: &[[u64; 2]]| read(&tags(1, &[&[[3072, 32_632]][..], keys].concat())).expect("usable").vertical_system_without_unit;
+        assert_eq!((unknown(&[[4096, 5103]]), unknown(&[[4096, 32_767]])), (Some(5103), Some(32_767)));
+        for known in [&[[4096, 5103], [4099, 9001]][..], &[[4096, 5703]], &[[4096, 6360]], &[]] {
+            assert_eq!(unknown(known), None, "{known:?}");
+        }
         refused(&tags(1, &[[3072, 32_632], [4099, 9102]]), &["EPSG code 9102"]);
     }
 
@@ -539,7 +591,7 @@ mod tests {
         refused(&with(vec![1, 1]), &["no header"]);
         refused(&with(vec![2, 1, 0, 0]), &["version 2"]);
         refused(&with(vec![1, 1, 0, 2, 1024, 0, 1, 1]), &["states 2 keys, but holds 1"]);
-        refused(&with(vec![1, 1, 0, 2, 1024, 0, 1, 1, 1024, 0, 1, 2]), &["1024 is there twice"]);
+        refused(&with(vec![1, 1, 0, 2, 1024, 0, 1, 1, 1024, 0, 1, 2]), &["contradicts itself", "1024 is there twice"]);
         refused(&with(vec![1, 1, 0, 1, 3077, 34_736, 1, 5]), &["3077 names a number that is not"]);
     }
 }

@@ -8,7 +8,7 @@
 //! file is refused in one line; a [`Report`] says what was understood.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Seek};
+use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use crate::base::error::{Error, Result, one_line};
@@ -23,6 +23,7 @@ mod depth;
 mod fill;
 mod gdal;
 mod geotiff;
+mod lzw;
 mod options;
 mod png;
 mod raster;
@@ -45,6 +46,12 @@ const NORMALISED_RELIEF_M: f64 = 1.0;
 
 /// Step between neighbouring half floats from which on a note says that precision is lost, metres.
 const COARSE_STEP_M: f64 = 0.25;
+
+/// Elements of GDAL's metadata beside a file (*PAM: persistent auxiliary metadata*) that say what its samples mean.
+const STATEMENTS_BESIDE: [&str; 4] = ["Scale", "Offset", "NoDataValue", "UnitType"];
+
+/// Limit of the length of such metadata, bytes.
+const LARGEST_METADATA: u64 = 1 << 26;
 
 /// Elevations on a regular grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -143,20 +150,60 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `r32`, `bin`, `exr`, `tif`, `tiff`).
 ///
 /// # Errors
-/// [`Error::File`] if the operating system cannot read the file. [`Error::Heightmap`] if the file is damaged or of a kind that is not supported; if it is
+/// [`Error::File`] if the operating system cannot read the file, or metadata beside it. [`Error::Heightmap`] if a file beside it is a mask or says what
+/// its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged or of a kind that is not supported; if it is
 /// too large; if what it says about its samples contradicts itself or the options, or cannot be applied; if an option does not apply to it; if the
 /// spacing or the meaning of its samples is not known; if samples have no data, and shall not be filled; if samples are beyond 100 000 m; or if all
 /// samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;
-    for suffix in ["aux.xml", "msk"] {
-        let beside = PathBuf::from(format!("{}.{suffix}", path.display()));
-        if let Some(name) = beside.file_name().filter(|_| beside.is_file()) {
-            reading.report.notes.push(one_line(&format!("the file {} beside it is not read", name.to_string_lossy())));
-        }
-    }
+    reading.report.notes.extend(note_of_metadata_beside(path)?);
     Ok(reading)
+}
+
+/// Returns a note if there is a file beside a heightmap in which GDAL keeps metadata (`.aux.xml`).
+///
+/// # Errors
+/// These metadata say what the samples mean, there is a mask (`.msk`), or the metadata cannot be read.
+fn note_of_metadata_beside(path: &Path) -> Result<Option<String>> {
+    let beside = |suffix: &str| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(suffix);
+        PathBuf::from(name)
+    };
+    let name = |file: &Path| file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let refused = |what: String| Error::Heightmap { file: path.to_owned(), what: one_line(&what) };
+    let mask = beside(".msk");
+    if mask.is_file() {
+        return Err(refused(format!(
+            "the file {} beside it is a mask, which says which samples have no data, but is not read; \
+             make one file of both with gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES IN OUT.tif",
+            name(&mask)
+        )));
+    }
+    let metadata = beside(".aux.xml");
+    if !metadata.is_file() {
+        return Ok(None);
+    }
+    let failed = |source| Error::File { file: metadata.clone(), source };
+    let mut text = Vec::new();
+    File::open(&metadata).and_then(|file| file.take(LARGEST_METADATA + 1).read_to_end(&mut text)).map_err(failed)?;
+    if text.len() as u64 > LARGEST_METADATA {
+        return Err(refused(format!(
+            "the file {} beside it has more than {LARGEST_METADATA} bytes, too many to see whether it says what the samples mean; \
+             make one file of both with gdal_translate IN OUT.tif",
+            name(&metadata)
+        )));
+    }
+    let text = String::from_utf8_lossy(&text);
+    if let Some(element) = STATEMENTS_BESIDE.into_iter().find(|element| text.contains(&format!("<{element}"))) {
+        return Err(refused(format!(
+            "the file {} beside it says what the samples mean ({element}), but is not read; make one file of both with gdal_translate IN OUT.tif",
+            name(&metadata)
+        )));
+    }
+    Ok(Some(one_line(&format!("the file {} beside it is not read", name(&metadata)))))
 }
 
 /// Reads a heightmap from the contents of a file. `path` is used in messages, and its extension determines the format, as in [`read`].

@@ -3,13 +3,14 @@
 use std::io::{BufRead, Seek, SeekFrom};
 
 use image::codecs::png::PngDecoder;
-use image::{ColorType, ImageDecoder, ImageError};
+use image::{ColorType, ImageDecoder, ImageError, Limits};
 
 use super::depth::Depth;
 use super::options::ReadOptions;
 use super::raster::{Absent, Raster, Stored, crop};
 use super::scaling::Statement;
 use super::spacing::Spacing;
+use crate::decode::colours::MAX_INFO_BYTES;
 use crate::decode::fault::Fault;
 
 /// Bytes of the signature and of the header up to the type of colour.
@@ -24,7 +25,9 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     input.read_exact(&mut start).and_then(|()| input.rewind()).map_err(Fault::of_io)?;
     let (bits, colour) = (start[24], start[25]);
     let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length)).map_err(Fault::of_io)?;
-    let decoder = PngDecoder::new(input).map_err(fault)?;
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(MAX_INFO_BYTES as u64);
+    let decoder = PngDecoder::with_limits(input, limits).map_err(fault)?;
     let (width, height) = decoder.dimensions();
     let window = options.window_of([width, height], false)?;
     // A damaged header can claim any size, so memory is allocated only for as much as the file can hold.
@@ -164,5 +167,24 @@ fn fault(error: ImageError) -> Fault {
         }
         ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}); convert it to .tif or .raw and give a window")),
         other => Fault::Damaged(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_exceed_the_limit_of_memory_are_refused() {
+        let mut bytes = Vec::new();
+        // 2^25 pixels of 8 bytes are 256 MiB.
+        let mut encoder = png::Encoder::new(&mut bytes, 1 << 25, 1);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(png::BitDepth::Sixteen);
+        let mut writer = encoder.write_header().expect("memory");
+        writer.write_chunk(png::chunk::IDAT, &[0; 8]).expect("memory");
+        drop(writer);
+        let Err(fault) = read(std::io::Cursor::new(bytes), &ReadOptions::default()) else { panic!("accepted") };
+        assert!(fault.to_string().starts_with("it is too large"), "{fault}");
     }
 }

@@ -98,7 +98,7 @@ impl Stored {
             Stored::Single(_) => sample as f32 == value as f32,
             Stored::Double(_) => sample == value,
         };
-        is_equal || (value.abs() >= 1e30 && (sample - value).abs() <= 1e-5 * value.abs())
+        is_equal || (value.is_finite() && value.abs() >= 1e30 && (sample - value).abs() <= 1e-5 * value.abs())
     }
 
     /// Copies `count` decoded samples, from index `from`, to index `to`. Returns false if the types do not fit, or there are not as many.

@@ -26,8 +26,9 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions, depth:
         Some(size) => size,
         None => [square(length, bytes).ok_or_else(|| no_square(length, depth))?; 2],
     };
-    let expected = u64::from(width) * u64::from(height) * bytes;
-    if expected != length {
+    // A u64 is too small for the largest sizes that can be given.
+    let expected = u128::from(width) * u128::from(height) * u128::from(bytes);
+    if expected != u128::from(length) {
         return Err(Fault::Unsupported(format!(
             "{width} x {height} samples of {} bits are {expected} bytes, but the file has {length}; {}",
             depth.bits(),
@@ -195,6 +196,8 @@ mod tests {
         assert!(refused(&[1; 900], &square, Depth::Unsigned16).contains("8 bits per sample"));
         assert!(refused(&[1; 3600], &square, Depth::Unsigned16).contains(".r32"));
         assert!(refused(&[1; 1001], &square, Depth::Unsigned16).contains("--raw-size WIDTHxHEIGHT"));
+        let largest = ReadOptions { raw_size: Some([u32::MAX; 2]), ..ReadOptions::default() };
+        assert!(refused(&[1; 8], &largest, Depth::Unsigned16).contains("are 36893488130239234050 bytes, but the file has 8"));
         assert!(refused(&[], &square, Depth::Unsigned16).contains("0 bytes"));
     }
 }

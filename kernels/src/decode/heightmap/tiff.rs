@@ -14,6 +14,7 @@ use ::tiff::{TiffError, TiffUnsupportedError};
 use super::depth::Depth;
 use super::gdal;
 use super::geotiff::{Georeference, Tags};
+use super::lzw;
 use super::options::ReadOptions;
 use super::raster::{Absent, Raster, Stored, turn};
 use super::scaling::Statement;
@@ -101,6 +102,8 @@ struct Layout {
     has_alpha: bool,
     compression: &'static str,
     is_compressed: bool,
+    /// The tag Predictor, if the compression is LZW.
+    lzw_predictor: Option<u64>,
     /// Width and height of a strip or tile.
     chunk: [u32; 2],
     is_tiled: bool,
@@ -220,6 +223,7 @@ impl Layout {
             has_alpha: extra.iter().any(|kind| [1, 2].contains(kind)),
             compression,
             is_compressed: code != 1,
+            lzw_predictor: if code == 5 { Some(lzw_predictor(file)?) } else { None },
             chunk: [chunk_width.max(1), chunk_height.max(1)],
             is_tiled,
             offsets: offsets.map_err(fault)?.unwrap_or_default(),
@@ -297,6 +301,19 @@ impl Layout {
         Ok(())
     }
 
+    /// Reads the bytes of a strip or tile.
+    fn stream<R: Read + Seek>(&self, file: &mut File<R>, chunk: Chunk) -> Result<Vec<u8>, Fault> {
+        let [Some(&offset), Some(&length)] = [&self.offsets, &self.byte_counts].map(|places| places.get(chunk.index as usize)) else {
+            return Err(Fault::Damaged(format!("its {} {} has no place in the file", self.chunk_name(), chunk.index)));
+        };
+        let input = file.inner();
+        input.seek(SeekFrom::Start(offset)).map_err(Fault::of_io)?;
+        let mut bytes = Vec::new();
+        // At most what the file holds is allocated, whatever the length says.
+        input.take(length).read_to_end(&mut bytes).map_err(Fault::of_io)?;
+        Ok(bytes)
+    }
+
     /// Whether the file holds a strip or tile. GDAL leaves out those without data: offset and length are 0.
     fn holds(&self, chunk: Chunk) -> Result<bool, Fault> {
         let at = chunk.index as usize;
@@ -343,7 +360,7 @@ impl Description {
         let georeference = Georeference::read(&tags, layout.size)?;
         match (statement.unit, georeference.vertical_unit) {
             (Some(one), Some(other)) if one != other => {
-                return Err(Fault::Damaged(format!(
+                return Err(Fault::Contradictory(format!(
                     "its metadata state the unit {} for heights, but its vertical system the unit {}",
                     one.name, other.name
                 )));
@@ -367,7 +384,8 @@ impl Description {
             notes.push("photometric interpretation WhiteIsZero: heights are the stored numbers, not inverted".to_owned());
         }
         if self.other_images > 0 {
-            notes.push(format!("the file has {} more images; the first one is read", self.other_images));
+            let noun = if self.other_images == 1 { "image" } else { "images" };
+            notes.push(format!("the file has {} more {noun}; the first one is read", self.other_images));
         }
         if let (Some([smallest, largest]), Some(value)) = (self.depth.limits(), self.no_data)
             && !((smallest..=largest).contains(&value) && value.fract() == 0.0)
@@ -378,6 +396,11 @@ impl Description {
             notes.push(format!(
                 "the unit of distances is the {}, but the unit of heights is not stated; they are not converted",
                 linear.name
+            ));
+        }
+        if let (Some(system), None) = (self.georeference.vertical_system_without_unit, self.statement.unit) {
+            notes.push(format!(
+                "the unit of its vertical system (code {system}) is not known, and the file does not state one; heights are not converted"
             ));
         }
         notes
@@ -397,7 +420,7 @@ fn find_mask<R: Read + Seek>(file: &mut File<R>) -> Result<(Option<Mask>, usize)
         let kind = file.read_directory_tags(&tags).find_tag_unsigned::<u64>(Tag::NewSubfileType).map_err(fault)?.unwrap_or(0);
         match (kind & 4 != 0, kind & 1 != 0) {
             (true, false) if mask.is_none() => mask = Some(Mask { index, directory }),
-            (true, false) => return Err(Fault::Damaged("it has two masks".to_owned())),
+            (true, false) => return Err(Fault::Contradictory("it has two masks".to_owned())),
             (false, false) => other_images += 1,
             (_, true) => {}
         }
@@ -461,7 +484,15 @@ fn samples<R: Read + Seek>(
             missing.push(chunk);
             return Ok(());
         }
-        let decoded = file.read_chunk(chunk.index).map_err(fault)?;
+        let decoded = match layout.lzw_predictor {
+            Some(predictor) => {
+                let stream = layout.stream(file, chunk)?;
+                let size = layout.chunk.map(|n| n as usize);
+                let coding = lzw::Coding { depth: *depth, predictor, order: file.byte_order(), size };
+                lzw::decode(&stream, coding, [chunk.width, chunk.height])?
+            }
+            None => file.read_chunk(chunk.index).map_err(fault)?,
+        };
         // Memory is allocated only after a chunk has been decoded, because a damaged header can claim any size.
         let stored = stored.get_or_insert_with(|| Stored::zeros(*depth, w * h));
         for (row, columns) in overlap(chunk, [x, y, w, h]) {
@@ -474,7 +505,7 @@ fn samples<R: Read + Seek>(
     })?;
     let Some(stored) = stored else {
         return Err(Fault::Unsupported(format!(
-            "it holds none of the {chunks} {}s of the part to read, so no sample has data; read another file or --window",
+            "it holds none of the {chunks} {}s of the part to read, so no sample has data; use another file, or choose another part of it with --window",
             layout.chunk_name()
         )));
     };
@@ -515,12 +546,13 @@ fn hide<R: Read + Seek>(
     let layout = Layout::read(file)?;
     if layout.size != image.size {
         let ([mask_width, mask_height], [width, height]) = (layout.size, image.size);
-        return Err(Fault::Damaged(format!("its mask has {mask_width} x {mask_height} samples, but the image {width} x {height}")));
+        return Err(Fault::Contradictory(format!("its mask has {mask_width} x {mask_height} samples, but the image {width} x {height}")));
     }
     if layout.bands != 1 || layout.format != 1 || ![1, 8].contains(&layout.bits) {
         return Err(Fault::Unsupported(format!(
-            "its mask has {} bands of {} bits, but must have one band of 1 or 8 bits; write it anew with gdal_translate IN OUT.tif",
-            layout.bands, layout.bits
+            "its mask has {} of {} bits, but must have one band of 1 or 8 bits; write it anew with gdal_translate IN OUT.tif",
+            if layout.bands == 1 { "1 band".to_owned() } else { format!("{} bands", layout.bands) },
+            layout.bits
         )));
     }
     let [x, y, w, h] = window.map(|n| n as usize);
@@ -593,15 +625,17 @@ fn text<R: Read + Seek>(file: &mut File<R>, tag: Tag) -> Result<Option<String>, 
     Ok(Some(String::from_utf8_lossy(&bytes[..end]).into_owned()))
 }
 
+/// The tag Predictor of an LZW-compressed image (TIFF 6.0, section 14; *TIFF Technical Note 3*).
+fn lzw_predictor<R: Read + Seek>(file: &mut File<R>) -> Result<u64, Fault> {
+    match first(file, Tag::Predictor)?.unwrap_or(1) {
+        predictor @ 1..=3 => Ok(predictor),
+        other => Err(Fault::Unsupported(format!("its predictor {other} is not known; write it anew with gdal_translate IN OUT.tif"))),
+    }
+}
+
 /// The decoder's error in our words.
 fn fault(error: TiffError) -> Fault {
     match error {
-        // The decoder reads tiles that reach beyond the edge of the image row by row, and then does not find the end of some intact LZW streams.
-        TiffError::IoError(source) if source.to_string().contains("no lzw end code") => Fault::Unsupported(
-            "a strip or tile has no LZW end code: the file is truncated, or this decoder cannot read its tiles at the edge of the image; \
-             write it anew with gdal_translate -co COMPRESS=DEFLATE IN OUT.tif"
-                .to_owned(),
-        ),
         TiffError::IoError(source) => Fault::of_io(source),
         TiffError::LimitsExceeded => Fault::TooLarge(
             "a strip, a tile or a tag is larger than 256 MiB; write it anew with gdal_translate -co TILED=YES -co COMPRESS=DEFLATE IN OUT.tif"

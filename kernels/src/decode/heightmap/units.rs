@@ -12,7 +12,7 @@ pub(super) struct Unit {
 pub(super) const METRE: Unit = Unit { name: "metre", metres: 1.0 };
 
 /// Units: EPSG code, unit, and other names in lower case. The US survey foot is 1200 / 3937 m (US National Bureau of Standards, 1959).
-const UNITS: [(Option<u16>, Unit, &[&str]); 11] = [
+const UNITS: [(Option<u16>, Unit, &[&str]); 12] = [
     (Some(9001), METRE, &["m", "metres", "meter", "meters"]),
     (Some(9002), Unit { name: "foot", metres: 0.3048 }, &["ft", "feet", "international foot", "international feet"]),
     (
@@ -21,6 +21,7 @@ const UNITS: [(Option<u16>, Unit, &[&str]); 11] = [
         &["us survey feet", "us-ft", "us_ft", "us ft", "us foot", "ftus", "us_survey_foot", "survey foot", "foot_us"],
     ),
     (Some(9005), Unit { name: "Clarke's foot", metres: 0.304_797_265_4 }, &[]),
+    (Some(9095), Unit { name: "British foot (1936)", metres: 0.304_800_749_1 }, &[]),
     (Some(9096), Unit { name: "yard", metres: 0.9144 }, &["yd", "yards"]),
     (Some(1025), Unit { name: "millimetre", metres: 0.001 }, &["mm", "millimetres", "millimeter", "millimeters"]),
     (Some(1033), Unit { name: "centimetre", metres: 0.01 }, &["cm", "centimetres", "centimeter", "centimeters"]),

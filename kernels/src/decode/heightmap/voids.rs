@@ -12,8 +12,6 @@ const UNSIGNED_MARKER: f64 = 65_535.0;
 /// A marker counts as one only if it is farther from all other samples than this share of their range. So real ground of -9999 dm is kept, because
 /// ground is there at -9998 dm, too.
 const MARKER_GAP: f64 = 1.0 / 64.0;
-/// The same for [`UNSIGNED_MARKER`], which is also the upper limit of clipped ground.
-const UNSIGNED_MARKER_GAP: f64 = 1.0;
 
 /// From this absolute value on, a float is no elevation in any unit.
 const HUGE: f64 = 1e10;
@@ -121,37 +119,41 @@ pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Fo
     let Some(first) = causes.iter().map(|cause| cause.first).min() else { return Ok(found) };
     found.words = format!("{}; the first at {}", reasons.join(", "), raster.place(first));
     if found.count == stored.len() {
-        return Err(Fault::Unsupported(format!("no sample has data ({}); read another file or --window", found.words)));
+        return Err(Fault::Unsupported(format!(
+            "no sample has data ({}); use another file, or choose another part of it with --window",
+            found.words
+        )));
     }
     match voids {
         Voids::Refuse => Err(Fault::Unsupported(format!(
-            "{} of {} samples have no data: {}; fill them with --fill-voids, open them with --holes, or give a --window without them",
+            "{} of {} samples {} no data: {}; fill them with --fill-voids, open them with --holes, or give a --window without them",
             found.count,
             stored.len(),
+            if found.count == 1 { "has" } else { "have" },
             found.words
         ))),
         Voids::Fill | Voids::Holes => Ok(found),
     }
 }
 
-/// The values that usually mark missing data in samples of a kind, with the share of the range of all others that must lie between.
-fn markers(depth: Depth) -> impl Iterator<Item = (f64, f64)> {
-    let unsigned = (depth == Depth::Unsigned16).then_some((UNSIGNED_MARKER, UNSIGNED_MARKER_GAP));
-    let usual = MARKERS.into_iter().map(|marker| (marker, MARKER_GAP)).filter(move |_| depth != Depth::Unsigned16);
-    let ends = depth.limits().filter(|_| depth == Depth::Signed32).into_iter().flatten().map(|end| (end, MARKER_GAP));
+/// The values that usually mark missing data in samples of a kind.
+fn markers(depth: Depth) -> impl Iterator<Item = f64> {
+    let unsigned = (depth == Depth::Unsigned16).then_some(UNSIGNED_MARKER);
+    let usual = MARKERS.into_iter().filter(move |_| depth != Depth::Unsigned16);
+    let ends = depth.limits().filter(|_| depth == Depth::Signed32).into_iter().flatten();
     usual.chain(unsigned).chain(ends)
 }
 
 /// Refuses values that usually mark missing data, if they lie apart from all other samples.
 fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     let stored = &raster.stored;
-    let mut marks: Vec<(f64, f64, Cause)> =
-        markers(raster.depth).map(|(marker, gap)| (marker, gap, Cause { what: stored.shown(marker), count: 0, first: 0 })).collect();
+    let mut marks: Vec<(f64, Cause)> =
+        markers(raster.depth).map(|marker| (marker, Cause { what: stored.shown(marker), count: 0, first: 0 })).collect();
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for index in (0..stored.len()).filter(|&index| found.has_data(index)) {
         let value = stored.at(index);
-        match marks.iter_mut().find(|(marker, ..)| *marker == value) {
-            Some((.., cause)) => {
+        match marks.iter_mut().find(|(marker, _)| *marker == value) {
+            Some((_, cause)) => {
                 if cause.count == 0 {
                     cause.first = index;
                 }
@@ -160,13 +162,15 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
             None => (low, high) = (low.min(value), high.max(value)),
         }
     }
-    marks.retain(|(marker, gap, cause)| {
-        let gap = gap * (high - low).max(0.0);
-        cause.count > 0 && (*marker < low - gap || *marker > high + gap)
+    let gap = MARKER_GAP * (high - low).max(0.0);
+    marks.retain(|(marker, cause)| cause.count > 0 && (*marker < low - gap || *marker > high + gap));
+    let Some(first) = marks.iter().map(|(_, cause)| cause.first).min() else { return Ok(()) };
+    let counts = marks.iter().map(|(_, cause)| match cause.count {
+        1 => format!("1 sample has the value {}", cause.what),
+        count => format!("{count} samples have the value {}", cause.what),
     });
-    let Some(first) = marks.iter().map(|(.., cause)| cause.first).min() else { return Ok(()) };
-    let counts: Vec<String> = marks.iter().map(|(.., cause)| format!("{} samples have the value {}", cause.count, cause.what)).collect();
-    let options: Vec<String> = marks.iter().map(|(.., cause)| format!("--no-data {}", cause.what)).collect();
+    let counts: Vec<String> = counts.collect();
+    let options: Vec<String> = marks.iter().map(|(_, cause)| format!("--no-data {}", cause.what)).collect();
     Err(Fault::Unsupported(format!(
         "{}, the first at {}, which usually marks missing data, but the file does not say so; give {} if it does (with --fill-voids or --holes), \
          or --no-data none if it is ground",
@@ -250,7 +254,10 @@ impl Group {
     fn words(&self, raster: &Raster) -> String {
         let shown = |value: f64| raster.stored.shown(value);
         let values = if self.low < self.high { format!("{} to {}", shown(self.low), shown(self.high)) } else { shown(self.low) };
-        format!("{} samples are {values} (the first at {})", self.count, raster.place(self.first))
+        match self.count {
+            1 => format!("1 sample is {values} (at {})", raster.place(self.first)),
+            count => format!("{count} samples are {values} (the first at {})", raster.place(self.first)),
+        }
     }
 }
 
@@ -326,8 +333,9 @@ mod tests {
         let other = NoData::Named(vec![-1.0, 300.0]);
         let found = find(&ground(Depth::Single, METRES, &[]), &other, Voids::Fill).unwrap_or_else(|fault| panic!("{fault}"));
         assert_eq!((found.count, found.notes.as_slice()), (1, ["no sample has the value -1 of --no-data".to_owned()].as_slice()));
-        refused(&ground(Depth::Single, METRES, &[(5, -99_999.0)]), &NoData::Stated, &["1 samples have the value -99999"]);
+        refused(&ground(Depth::Single, METRES, &[(5, -99_999.0)]), &NoData::Stated, &["1 sample has the value -99999"]);
         refused(&ground(Depth::Unsigned16, METRES, &[(5, 65_535.0)]), &NoData::Stated, &["the value 65535"]);
+        refused(&ground(Depth::Unsigned16, [0.0, 40_000.0], &[(5, 65_535.0)]), &NoData::Stated, &["1 sample has the value 65535"]);
         refused(&ground(Depth::Signed32, [3e5, 9e5], &[(5, -2_147_483_648.0)]), &NoData::Stated, &["the value -2147483648"]);
         refused(&ground(Depth::Single, METRES, &[(5, -9999.0), (6, 9999.0)]), &NoData::Stated, &["--no-data -9999 --no-data 9999"]);
     }
@@ -338,10 +346,17 @@ mod tests {
         accepted(&ground(Depth::Signed16, [-9990.0, 4000.0], &[(5, -9999.0)]), &NoData::Stated);
         accepted(&ground(Depth::Signed16, [-32_768.0, 32_767.0], &[]), &NoData::Stated);
         accepted(&ground(Depth::Unsigned16, [20_000.0, 65_535.0], &[]), &NoData::Stated);
-        accepted(&ground(Depth::Unsigned16, [0.0, 60_000.0], &[(5, 65_535.0)]), &NoData::Stated);
+        accepted(&ground(Depth::Unsigned16, [0.0, 65_000.0], &[(5, 65_535.0)]), &NoData::Stated);
         accepted(&ground(Depth::Single, [0.0, 10_040.0], &[(5, 9999.0)]), &NoData::Stated);
         // Codes of a PNG or RAW file: the highest one is the highest ground.
         accepted(&Raster { holds_codes: true, ..ground(Depth::Unsigned16, METRES, &[(5, 65_535.0)]) }, &NoData::Stated);
+    }
+
+    #[test]
+    fn an_infinite_no_data_value_is_only_that_of_infinite_samples() {
+        for value in [f64::INFINITY, f64::NEG_INFINITY] {
+            accepted(&Raster { no_data: Some(value), ..ground(Depth::Single, METRES, &[]) }, &NoData::Stated);
+        }
     }
 
     #[test]
@@ -359,7 +374,11 @@ mod tests {
         }
         refused(&with(Depth::Single, f64::NAN), &NoData::Stated, &["2 that are NaN"]);
         accepted(&with(Depth::Unsigned16, 0.0), &NoData::Nothing);
-        refused(&ground(Depth::Single, METRES, &[(0, f64::NEG_INFINITY)]), &NoData::Nothing, &["1 that are infinite"]);
+        refused(
+            &ground(Depth::Single, METRES, &[(0, f64::NEG_INFINITY)]),
+            &NoData::Nothing,
+            &["1 of 1000 samples has no data", "1 that are infinite"],
+        );
         refused(&ground(Depth::Single, METRES, &[(0, -3.4e38)]), &NoData::Nothing, &["1 with values such as -3.4e38"]);
         let absent = (0..1000).map(|i| [Some(Absent::Masked), Some(Absent::Missing), None][usize::min(i, 2)]).collect();
         refused(
@@ -375,7 +394,7 @@ mod tests {
     fn values_far_from_all_others_are_remarked() {
         let remark = |raster: &Raster| remark(raster, &Found::default());
         let said = remark(&ground(Depth::Single, METRES, &[(3, 5000.0), (4, 5001.0), (5, -4000.0)])).expect("far outside");
-        assert!(said.contains("1 samples are -4000 (the first at column 5, row 0), and 2 samples are 5000 to 5001"), "{said}");
+        assert!(said.contains("1 sample is -4000 (at column 5, row 0), and 2 samples are 5000 to 5001"), "{said}");
         assert!(said.contains("(300 to 899.99"), "{said}");
         assert_eq!(remark(&ground(Depth::Single, METRES, &[])), None);
         assert_eq!(remark(&ground(Depth::Single, METRES, &[(3, 1000.0)])), None, "a peak");
@@ -386,7 +405,7 @@ mod tests {
         let mut sea: Vec<(usize, f64)> = (0..800).map(|i| (i, 0.0)).collect();
         assert_eq!(remark(&ground(Depth::Single, METRES, &sea)), None);
         sea.push((900, 30_000.0));
-        assert!(remark(&ground(Depth::Single, METRES, &sea)).is_some_and(|said| said.contains("1 samples are 30000")));
+        assert!(remark(&ground(Depth::Single, METRES, &sea)).is_some_and(|said| said.contains("1 sample is 30000")));
         assert_eq!(remark(&ground(Depth::Single, [5.0, 5.0], &[])), None, "all samples are equal");
     }
 }

@@ -1,6 +1,6 @@
 //! The texels of an image file: PNG, JPEG, TGA and OpenEXR.
 
-use std::io::{BufRead, Cursor, Read, Seek};
+use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use glam::DVec3;
@@ -14,11 +14,15 @@ use rayon::prelude::*;
 use crate::base::error::one_line;
 use crate::decode::colours::{Colours, unapplied_profile};
 use crate::decode::fault::Fault;
+use crate::decode::jpeg;
 use crate::decode::openexr::{self, Channel, Part};
 
-/// Limit of the edge of an image, texels: four times the edge of the finest detail textures. An image of this size takes 0.8 GB of memory until it is
-/// resampled.
+/// Limit of the edge of an image, texels: four times the edge of the finest detail textures. An image of this size takes up to 1.75 GiB of memory until
+/// it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and two of the three exist at the same time.
 pub(super) const MAX_EDGE: u32 = 8192;
+
+/// Bytes of the header of a TGA file.
+const TGA_HEADER: usize = 18;
 
 /// Which channels are needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +63,7 @@ pub(super) struct Stored {
 /// Decodes a file. The first bytes determine its format; TGA files, which have no signature, are recognised by the extension of `path`.
 pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) -> Result<Stored, Fault> {
     let mut start = Vec::new();
-    input.by_ref().take(16).read_to_end(&mut start).map_err(Fault::Io)?;
+    input.by_ref().take(TGA_HEADER as u64).read_to_end(&mut start).map_err(Fault::Io)?;
     input.rewind().map_err(Fault::Io)?;
     match image::guess_format(&start) {
         Ok(ImageFormat::Png) => {
@@ -70,14 +74,14 @@ pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) ->
         Ok(ImageFormat::Jpeg) => {
             let mut bytes = Vec::new();
             input.read_to_end(&mut bytes).map_err(Fault::Io)?;
-            // The decoder fills the part that is missing in a truncated file. Every whole file has the marker EOI (ITU-T T.81, B.1.1.3).
-            if !bytes.windows(2).any(|pair| pair == b"\xff\xd9") {
-                return Err(Fault::Damaged("JPEG: it has no end".to_owned()));
-            }
+            jpeg::check_end(&bytes)?;
             coded(JpegDecoder::new(Cursor::new(bytes)).map_err(undecodable)?, want, &Colours::default())
         }
         Ok(ImageFormat::OpenExr) => exr(openexr::read(input, MAX_EDGE)?, want),
         _ if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga")) => {
+            let length = input.seek(SeekFrom::End(0)).map_err(Fault::Io)?;
+            input.rewind().map_err(Fault::Io)?;
+            check_tga(&start, length)?;
             coded(TgaDecoder::new(input).map_err(undecodable)?, want, &Colours::default())
         }
         Ok(other) => Err(Fault::Unsupported(format!("{other:?} files cannot be read: save it as 8- or 16-bit PNG"))),
@@ -94,6 +98,24 @@ fn undecodable(error: ImageError) -> Fault {
         ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): resize it")),
         other => Fault::Damaged(other.to_string()),
     }
+}
+
+/// Checks the size that the header of a TGA file states, and that a file of this length can hold so many texels, before memory for them is allocated
+/// (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
+fn check_tga(start: &[u8], length: u64) -> Result<(), Fault> {
+    let Some(header) = start.first_chunk::<TGA_HEADER>() else {
+        return Err(Fault::Damaged("TGA: it ends too early".to_owned()));
+    };
+    let [width, height] = [12, 14].map(|at| u16::from_le_bytes([header[at], header[at + 1]]));
+    edge_of(u32::from(width), u32::from(height))?;
+    let texels = u64::from(width) * u64::from(height);
+    let bytes = u64::from(header[16].div_ceil(8));
+    // Types 9 to 11 are compressed: a packet holds at most 128 texels, and has at least one byte and one texel.
+    let data = if header[2] & 8 == 0 { texels * bytes } else { texels.div_ceil(128) * (1 + bytes) };
+    if length < TGA_HEADER as u64 + data {
+        return Err(Fault::Damaged(format!("TGA: {length} bytes cannot hold {width}x{height} texels")));
+    }
+    Ok(())
 }
 
 /// The edge of a square image of an allowed size.

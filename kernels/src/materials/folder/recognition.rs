@@ -223,7 +223,7 @@ pub fn sort_out(files: &[PathBuf]) -> Sorted {
                 continue;
             }
             _ if !is_image => "not an image".to_owned(),
-            None => "its name states no map, such as albedo or roughness".to_owned(),
+            None => "its name does not say which map it is (for example albedo or roughness)".to_owned(),
             Some(Label { kind: Kind::Other(what), .. }) => format!("its name states a map that is not used: {what}"),
             Some(label) => {
                 let key = label.material.to_lowercase();
