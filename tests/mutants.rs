@@ -479,7 +479,9 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
     let bar = ProgressBar::new(jobs_left.len() as u64);
     let next = AtomicUsize::new(0);
     let done = Mutex::new(rows);
-    let writer = Mutex::new(csv::WriterBuilder::new().has_headers(!table.exists()).from_writer(
+    // An interrupted call may have left an empty file.
+    let is_empty = fs::metadata(&table).map_or(true, |data| data.len() == 0);
+    let writer = Mutex::new(csv::WriterBuilder::new().has_headers(is_empty).from_writer(
         fs::OpenOptions::new().create(true).append(true).open(&table).with_context(|| format!("cannot write {}", table.display()))?,
     ));
     let work = |worker: usize| -> Result<()> {
