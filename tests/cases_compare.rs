@@ -10,12 +10,12 @@ use image::ImageEncoder as _;
 use kernels::decode::openexr::{self, Part};
 use serde_json::Value;
 
-use crate::fixtures::{Folder, failure, success};
+use crate::fixtures::{self, Folder, failure, success};
 
 const SIZE: [u32; 2] = [12, 8];
 
 fn case(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name).display().to_string()
+    fixtures::case(name).display().to_string()
 }
 
 fn part(name: &str) -> Part {

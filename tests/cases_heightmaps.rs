@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kernels::base::error::Error;
 use kernels::decode::heightmap::{self, NoData, ReadOptions, Reading, Voids};
@@ -11,16 +11,12 @@ use kernels::import::scene_folder::{self, ImportOptions};
 use kernels::scene;
 use kernels::world::World;
 
-use crate::fixtures::{Folder, failure, success, usage_error};
+use crate::fixtures::{Folder, case, failure, has, one_line, success, usage_error};
 
 /// Ranges that keep 16-bit integers as they are, and the range of normalised cases, metres.
 const I16: [f64; 2] = [-32_768.0, 32_767.0];
 const U16: [f64; 2] = [0.0, 65_535.0];
 const R: [f64; 2] = [300.0, 900.0];
-
-fn case(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
-}
 
 /// The right heights, metres, row by row from the north.
 fn truth(name: &str) -> Vec<f32> {
@@ -43,20 +39,6 @@ fn read(name: &str, options: &ReadOptions) -> Reading {
     let text = reading.report.to_string();
     assert!(text.lines().all(|line| !line.contains(char::is_control)) && !text.ends_with('\n'), "{text:?}");
     reading
-}
-
-/// The text of an error, which is one line.
-fn one_line<T>(result: Result<T, Error>) -> String {
-    let Err(error) = result else { panic!("nothing was refused") };
-    let text = error.to_string();
-    assert!(!text.contains(char::is_control), "an error is one line: {text:?}");
-    text
-}
-
-fn has(text: &str, words: &[&str]) {
-    for word in words {
-        assert!(text.contains(word), "`{word}` is missing in: {text}");
-    }
 }
 
 fn refused(name: &str, options: &ReadOptions, words: &[&str]) {

@@ -3,9 +3,8 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use kernels::base::error::Error;
 use kernels::decode::heightmap::ReadOptions;
 use kernels::import::materials::{MaterialSurvey, Tile, chosen, survey};
 use kernels::import::scene_folder::{self, ImportOptions};
@@ -13,16 +12,12 @@ use kernels::materials::folder::{self, Convention, Reading};
 use kernels::materials::{MaterialMaps, Palette};
 use kernels::scene;
 
-use crate::fixtures::{Folder, failure, small_scene, success};
+use crate::fixtures::{Folder, case, failure, has, one_line, small_scene, success};
 
 const OPENGL: Reading = Reading::Normal(Convention::OpenGl);
 const UNSTATED: Reading = Reading::Normal(Convention::Unstated);
 const DIRECTX: Reading = Reading::Normal(Convention::DirectX);
 const GREY: Reading = Reading::Share { channel: None, inverted: false };
-
-fn case(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(path)
-}
 
 fn surveyed(folder: &Path) -> MaterialSurvey {
     let survey = survey(folder, &|| false).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -54,19 +49,6 @@ fn unused<'a>(survey: &'a MaterialSurvey, name: &str) -> &'a str {
 
 fn refusal(survey: &MaterialSurvey) -> String {
     one_line(survey.check())
-}
-
-fn one_line<T>(result: Result<T, Error>) -> String {
-    let Err(error) = result else { panic!("nothing was refused") };
-    let text = error.to_string();
-    assert!(!text.contains(char::is_control), "an error is one line: {text:?}");
-    text
-}
-
-fn has(text: &str, words: &[&str]) {
-    for word in words {
-        assert!(text.contains(word), "`{word}` is missing in: {text}");
-    }
 }
 
 /// Copies the materials as an import does, makes a palette of the copies, and checks that the copies are read like the originals. Returns the maps of

@@ -2,14 +2,11 @@
 
 use std::fs::{self, File};
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
 
 use kernels::decode::fault::Fault;
 use kernels::decode::openexr::{self, Kind, Part, Window};
 
-fn case(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
-}
+use crate::fixtures::case;
 
 fn read(name: &str) -> Result<Vec<Part>, Fault> {
     openexr::read(BufReader::new(File::open(case(name)).expect("the case is in the repository")), 1000)

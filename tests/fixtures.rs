@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::SystemTime;
 
+use kernels::base::error::Error;
 use kernels::base::wgsl::Wgsl;
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, shader_files};
@@ -183,6 +184,26 @@ pub(crate) fn success(arguments: &[&str]) -> String {
     let output = run(arguments);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
+}
+
+/// The path of a file in `tests/cases`.
+pub(crate) fn case(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
+}
+
+/// The text of an error. Panics if nothing was refused, or if the text is not one line.
+pub(crate) fn one_line<T>(result: Result<T, Error>) -> String {
+    let Err(error) = result else { panic!("nothing was refused") };
+    let text = error.to_string();
+    assert!(!text.contains(char::is_control), "an error is one line: {text:?}");
+    text
+}
+
+/// Checks that a text contains all of `words`.
+pub(crate) fn has(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "`{word}` is missing in: {text}");
+    }
 }
 
 /// A temporary folder of one test. It is removed from the disk when this value is dropped.

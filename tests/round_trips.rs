@@ -36,6 +36,7 @@ use workbench::model::places::{Place, Places, Recorded};
 use workbench::model::settings::{OWN, Settings, frame_settings, numbers};
 
 use crate::fixtures::{Folder, success};
+use crate::settings::heightmap_scene;
 
 // ---- Checks with many values. ----
 
@@ -712,18 +713,7 @@ fn there_and_back<T: Clone + Debug + 'static>(setting: &'static Setting<T>, usua
 #[test]
 fn settings_are_read_as_they_were_written() {
     let procedural = scene::load(scene::DEFAULT).expect("built in");
-    let heightmap = Scene {
-        world: World::Heightmap {
-            file: PathBuf::from("none.png"),
-            metres_per_texel: 2.0,
-            height_range_m: [-5.0, 10.0],
-            detail_m: 0.5,
-            seed: 3,
-            holes: Vec::new(),
-            colour_modulation: 0.25,
-        },
-        ..procedural.clone()
-    };
+    let heightmap = heightmap_scene();
     let mut count = 0;
     for scene in [procedural, heightmap] {
         for setting in scene::settings().filter(|setting| setting.get(&scene).is_some()) {

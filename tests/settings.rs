@@ -20,7 +20,7 @@ fn default_scene() -> Scene {
 
 /// The default scene, but with a heightmap as its world. A heightmap has settings that a procedural world does not have. The file of the heightmap
 /// does not have to exist.
-fn heightmap_scene() -> Scene {
+pub(crate) fn heightmap_scene() -> Scene {
     let world = World::Heightmap {
         file: PathBuf::from("none.png"),
         metres_per_texel: 2.0,

@@ -161,7 +161,7 @@ fn compare(camera: &str, fov_deg: f64, limits: &Limits, cases: &[Case]) {
 }
 
 /// Textures have 8 bits, and a software adapter rounds each of the three steps of trilinear filtering to 8 bits. So the error of a filtered value is
-/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with twice the
+/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with four times the
 /// usual strength, so its limit is larger.
 const LIMITS: Limits = Limits { median: [0.004, 0.016, 0.003, 0.003], most: [0.008, 0.04, 0.006, 0.006] };
 

@@ -357,7 +357,9 @@ impl Part {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The test is t and the reference is r, both in linear colour (PNG and JPEG are decoded from sRGB):
+The test is t and the reference is r, both in linear colour of Rec. 709. PNG and JPEG are decoded from sRGB, or as a PNG states by gAMA and cHRM.
+OpenEXR pictures are laid into their display windows (pixels without data are black), and their primaries are converted. Lines that begin with `note`
+say what the metrics do not show, such as alpha or clamped values.
   flip  difference that a viewer sees when flipping between t and r, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
         pixels, quartiles of the sum of errors, and maximum
   mse   mean of (t - r)^2 over pixels and channels
