@@ -100,7 +100,8 @@ pub fn heightmap(bytes: &[u8]) -> bool {
     is_accepted
 }
 
-/// Reads a map of a material in every way in which it may be meant, and sorts the lines of a text as names of files.
+/// Reads the bytes as an image of a material, once for each meaning that its channels can have. Also takes each line of the bytes as the
+/// name of an image file, and assigns these files to materials.
 pub fn material(bytes: &[u8]) -> bool {
     let mut is_accepted = false;
     for reading in [
@@ -112,7 +113,7 @@ pub fn material(bytes: &[u8]) -> bool {
         Reading::Share { channel: None, inverted: true },
         Reading::Share { channel: Some(1), inverted: false },
     ] {
-        // TGA files have no signature. With this extension, everything that is no other image is read as TGA.
+        // TGA files have no signature. With this extension, bytes without the signature of another image format are read as TGA.
         let Some(map) = told(folder::read(Cursor::new(bytes), Path::new("fuzz.tga"), reading)) else { continue };
         assert!(map.edge > 0 && map.texels.len() == map.edge * map.edge);
         let lowest = if matches!(reading, Reading::Normal(_)) { -1.0001 } else { -1e-6 };

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Executes a notebook's code cells in order, in the notebook's folder, and fails if one of them fails.
 
-Needs only Python: no kernel, no server. Figures are drawn without a display. With --write the outputs (text, pictures) are written into
-the notebook, so that it can be read without being run.
+Needs only Python, and neither a Jupyter kernel nor a server. Figures are drawn without a display. With --write the outputs (text,
+pictures) are written into the notebook, so that it can be read without being run.
 """
 
 import argparse

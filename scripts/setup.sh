@@ -6,7 +6,7 @@
 # installed from bookworm-backports. These variables change this:
 #   SCREE_NO_BACKPORTS=1   bookworm-backports is never used
 #   SCREE_BACKPORTS=1      an older Mesa that is already installed is replaced
-#   CI=true                likewise, but only if the machine has no GPU driver
+#   CI=true                the same as SCREE_BACKPORTS=1, but only if the machine has no GPU driver
 set -euo pipefail
 
 # scripts/test_setup.sh sets this variable to a folder that the script then uses as the root of the file system.

@@ -175,10 +175,10 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows in which two points of the finer lattice are almost equally near to the plane's normal. The error of a direction is 16 ULP
-        // (2^-19), which is 2^-9 of the distance between neighbouring points (2^-10). So 8 of the 4096 random rows are expected. The limit also
-        // leaves room for 300 special rows. Several points may be equally near if the plane's normal lies along one of the 8 diagonals or one step of
-        // f32 off an axis (6 normals). Each of these 14 normals occurs in 15 rows.
+        // Limit for rows in which two points of the fine lattice, on which the plane's normal is stored, are almost equally near to this normal. The
+        // error of a direction is 16 ULP (2^-19), which is 2^-9 of the distance between neighbouring points (2^-10). So 8 of the 4096 random rows are
+        // expected. The limit also leaves room for 300 special rows. Several points may be equally near if the plane's normal lies along one of the 8
+        // diagonals or one step of f32 off an axis (6 normals). Each of these 14 normals occurs in 15 rows.
         other_side_at_most: 24 + 300,
         mutants: &[
             // In this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences from the

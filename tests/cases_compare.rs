@@ -1,5 +1,6 @@
-//! `experiments compare` and `experiments probe` on files that other programs wrote (`cases/`), and on what such files may say about their pixels and
-//! cells: windows, primaries, exponents, profiles, orientation, alpha, layers; encodings, delimiters, decimal signs.
+//! Tests `experiments compare` and `experiments probe` with files that other programs wrote (`tests/cases`). Pictures may state windows, primaries,
+//! exponents, profiles, an orientation, alpha and layers; tables have different encodings, delimiters and decimal signs. Each of these statements
+//! must be applied, reported or refused.
 
 use std::fs;
 use std::io::BufReader;
@@ -28,7 +29,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&success(&[&["compare", "--json"][..], arguments].concat())).expect("JSON")
 }
 
-/// The texts of the notes about a subject.
+/// Returns the texts of the notes of an answer about one subject.
 fn notes(answer: &Value, about: &str) -> Vec<String> {
     let all = answer["notes"].as_array().cloned().unwrap_or_default();
     all.iter().filter(|note| note["about"] == about).map(|note| note["text"].as_str().expect("a text").to_owned()).collect()
@@ -49,7 +50,7 @@ fn close(value: &Value, expected: f64, relative: f64) {
     assert!((value - expected).abs() <= relative * expected.abs(), "{value} is not {expected}");
 }
 
-/// Writes an OpenEXR file of `SIZE` with these channels, which are uniform, and these chromaticities. Returns its path.
+/// Writes an OpenEXR file of `SIZE` with these chromaticities. Each channel has the same value in all pixels. Returns its path.
 fn exr(folder: &Folder, name: &str, channels: &[(&str, f32)], chromaticities: Option<e::attribute::Chromaticities>) -> String {
     let size = SIZE.map(|n| n as usize);
     let channels = channels.iter().map(|(name, value)| e::AnyChannel::new(*name, e::FlatSamples::F32(vec![*value; size[0] * size[1]])));
@@ -87,7 +88,7 @@ fn add_chunk(file: &str, kind: &[u8; 4], content: &[u8]) {
     });
     let length = u32::try_from(content.len()).expect("a small chunk").to_be_bytes();
     let mut bytes = fs::read(file).expect("the PNG is there");
-    // The signature has 8 bytes, and the header's chunk 25.
+    // The signature has 8 bytes, and the chunk of the header has 25 bytes.
     bytes.splice(33..33, [length.as_slice(), &covered, &crc.to_be_bytes()].concat());
     fs::write(file, bytes).expect("a temporary file can be written");
 }
@@ -98,7 +99,7 @@ fn pictures_are_aligned_by_their_windows() {
     for arguments in [[&auto, &full], [&full, &auto]] {
         let found = json(&arguments.map(String::as_str));
         assert!(found["identical"] == true && found["flip"]["max"] == 0.0 && found["pixels"] == 128 * 96, "{found}");
-        // 128 x 96 pixels without 70 x 50.
+        // The number of pixels without data: 128 x 96 - 70 x 50.
         noted(&found, "window", &["black_auto_crop.exr", "70 x 50 at (30, 20)", "128 x 96 at (0, 0)", "8788 pixels", "count as black"]);
     }
     assert!(success(&["compare", &auto, &full]).contains("\nnote       "), "notes are not printed");
@@ -109,10 +110,10 @@ fn pictures_are_aligned_by_their_windows() {
 #[test]
 fn pixels_that_only_one_file_has_are_not_guessed() {
     let [left, right, full] = ["left", "right", "full"].map(|name| case(&format!("52-compare-data-window/{name}.exr")));
-    // Two times 16 columns of 96 rows.
+    // Each of these two files lacks 16 columns of 96 rows that the other file has, so 2 x 16 x 96 pixels are in only one file.
     failure(&["compare", &left, &right], &["left.exr stores 112 x 96 at (0, 0)", "right.exr stores 112 x 96 at (16, 0)", "3072 pixels"]);
     failure(&["compare", &full, &left], &["full.exr stores 128 x 96 at (0, 0)", "left.exr stores 112 x 96 at (0, 0)", "1536 pixels"]);
-    // If the rest is black, as viewers show it, the pictures are equal.
+    // Viewers show pixels without data as black. A picture that is really black there must be equal to the cropped file.
     let folder = Folder::new("compare-windows");
     let whole = part("52-compare-data-window/full.exr");
     for (file, columns) in [(&left, 0..112), (&right, 16..128)] {
@@ -166,7 +167,8 @@ fn colours_are_converted_to_the_same_primaries() {
     let found = json(&[&test, &reference]);
     assert_eq!(found["identical"], false);
     noted(&found, "primaries", &["xyz_chroma.exr", "R 0.713 0.293", "white 0.32168 0.33767", "converted to Rec. 709"]);
-    // The published matrix from these primaries (ACEScg) to Rec. 709, with Bradford adaptation; 6 decimals. Both files have the same numbers.
+    // The published matrix from these primaries (ACEScg) to Rec. 709, with Bradford adaptation, to 6 decimals. Both files store the same numbers, so
+    // the expected error is the difference between converted and unconverted numbers.
     let matrix = [[1.705_051, -0.621_792, -0.083_259], [-0.130_256, 1.140_805, -0.010_548], [-0.024_003, -0.128_969, 1.152_972]];
     let pixels = part("54-compare-channels/ref.exr");
     let channels = ["R", "G", "B"].map(|name| &pixels.channel(name).expect("a colour").samples);
@@ -179,7 +181,7 @@ fn colours_are_converted_to_the_same_primaries() {
         }
     }
     close(&found["mse"], sum / (3 * channels[0].len()) as f64, 1e-4);
-    // Both in the same primaries: nothing differs, and both conversions are named.
+    // If both files have the same primaries, nothing differs, and there is a note about each of the two conversions.
     let same = json(&[&test, &test]);
     assert!(same["identical"] == true && notes(&same, "primaries").len() == 2, "{same}");
     let folder = Folder::new("compare-primaries");
@@ -188,7 +190,7 @@ fn colours_are_converted_to_the_same_primaries() {
         e::attribute::Chromaticities { red: point(0.1, 0.1), green: point(0.25, 0.25), blue: point(0.5, 0.5), white: point(0.3, 0.3) };
     let wrong = exr(&folder, "line.exr", &[("R", 0.5), ("G", 0.5), ("B", 0.5)], Some(line));
     failure(&["compare", &wrong, &reference], &["line.exr", "no colour space"]);
-    // The same statement about a file without colours does not matter.
+    // In a file without colours, the same chromaticities have no effect.
     let depth = exr(&folder, "depth.exr", &[("Z", 0.5)], Some(line));
     assert!(json(&[&depth, &depth]).get("notes").is_none());
 }
@@ -200,7 +202,7 @@ fn layers_are_not_chosen_in_silence() {
     let ambiguous = exr(&folder, "two.exr", &two, None);
     failure(&["compare", &ambiguous, &ambiguous], &["two.exr", "2 layers", "albedo, beauty", "--layer"]);
     assert!(json(&[&ambiguous, &ambiguous, "--layer", "Albedo"]).get("notes").is_none());
-    // One layer has colours, the other has not.
+    // In each file, only one layer has colours, so this layer is compared. The other layer is `depth`.
     let [colour, plain] = [("one.exr", &two[..3]), ("plain.exr", &[("R", 0.5), ("G", 0.5), ("B", 0.5)][..])].map(|(name, channels)| {
         let channels = [channels, &[("depth.V", 9.0)]].concat();
         exr(&folder, name, &channels, None)
@@ -218,23 +220,23 @@ fn the_exponent_and_primaries_of_a_png_are_used() {
     let found = json(&[&linear, &grey(&folder, "grey.exr", 128.0 / 255.0), "--metric", "mse"]);
     assert!(below(&found["mse"], 1e-12), "{found}");
     noted(&found, "gamma", &["linear.png", "gamma of 1"]);
-    // 1/2.2 is what programs write for sRGB.
+    // Programs write the exponent 1/2.2 for sRGB, so it is read as sRGB.
     let [usual, bare] = ["usual.png", "bare.png"].map(|name| png(&folder, name, [128, 10, 200], &[]));
     add_chunk(&usual, b"gAMA", &45_455_u32.to_be_bytes());
     let found = json(&[&usual, &bare]);
     assert!(found["identical"] == true && found.get("notes").is_none(), "{found}");
-    // Primaries of Rec. 2020: its pure red is outside Rec. 709.
+    // A PNG with the primaries of Rec. 2020, whose pure red lies outside the range of Rec. 709.
     let wide = png(&folder, "wide.png", [255, 0, 0], &[]);
     let chromaticities = [31_270_u32, 32_900, 70_800, 29_200, 17_000, 79_700, 13_100, 4_600].map(u32::to_be_bytes).concat();
     add_chunk(&wide, b"cHRM", &chromaticities);
-    // Rec. ITU-R BT.2087-0, the inverse of its matrix from Rec. 709 to Rec. 2020, first column.
+    // The expected colour is the first column of a matrix from Rec. 2020 to Rec. 709: the inverse of the matrix in Rec. ITU-R BT.2087-0.
     let red = exr(&folder, "red.exr", &[("R", 1.6605), ("G", -0.1246), ("B", -0.0182)], None);
     let found = json(&[&wide, &red]);
-    // Four digits.
+    // The expected colour has only four decimals.
     assert!(below(&found["mse"], 1e-7), "{found}");
     noted(&found, "primaries", &["wide.png", "R 0.708 0.292"]);
     noted(&found, "clamped", &["flip, psnr, ssim"]);
-    // The statement of sRGB counts before the others.
+    // If a PNG has the chunk sRGB, its exponent and its primaries are not used.
     add_chunk(&wide, b"sRGB", &[0]);
     let found = json(&[&wide, &png(&folder, "red.png", [255, 0, 0], &[])]);
     assert!(found["identical"] == true && found.get("notes").is_none(), "{found}");
@@ -247,7 +249,7 @@ fn the_exponent_and_primaries_of_a_png_are_used() {
 #[test]
 fn profiles_and_code_points_that_are_not_applied_are_named() {
     let folder = Folder::new("compare-profile");
-    // A profile with nothing but a description (ICC.1:2001-04, 6.5.17).
+    // Returns a profile that has only a description (ICC.1:2001-04, 6.5.17).
     let profile = |name: &str| {
         let text = [name.as_bytes(), b"\0"].concat();
         let length = u32::try_from(text.len()).expect("a short text");
@@ -260,7 +262,7 @@ fn profiles_and_code_points_that_are_not_applied_are_named() {
     noted(&json(&[&other, &bare]), "colours", &["other.png", "ICC profile `Display P3`", "not applied"]);
     let usual = png(&folder, "usual.png", [200, 100, 50], &profile("sRGB IEC61966-2.1"));
     assert!(json(&[&usual, &bare]).get("notes").is_none());
-    // Rec. 2100 PQ; then sRGB.
+    // The code points are those of Rec. 2100 PQ, which are noted, and those of sRGB, which are not.
     for (points, is_noted) in [([9, 16, 0, 1], true), ([1, 13, 0, 1], false)] {
         let coded = png(&folder, "coded.png", [200, 100, 50], &[]);
         add_chunk(&coded, b"cICP", &points);
@@ -275,11 +277,11 @@ fn pictures_are_turned_as_their_orientation_says() {
     let ramp = image::RgbImage::from_fn(16, 12, |x, y| image::Rgb([(x * 15) as u8, (y * 20) as u8, 128]));
     let upright = folder.path("upright.png");
     ramp.save(&upright).expect("a PNG can be written");
-    // As a camera stores it that was turned: the picture must be rotated by 90 degrees clockwise to be upright.
+    // The picture as a turned camera stores it. It must be rotated by 90 degrees clockwise to be upright.
     let stored = image::imageops::rotate270(&ramp);
     let mut bytes = Vec::new();
     image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 100).encode_image(&stored).expect("a JPEG can be encoded");
-    // Exif 2.3: TIFF header, one entry: orientation (274), one 16-bit number, 6.
+    // Exif 2.3: a TIFF header and one entry, the orientation (tag 274), which is one 16-bit number with the value 6.
     let exif = b"Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
     let length = u16::try_from(exif.len() + 2).expect("a short segment").to_be_bytes();
     bytes.splice(2..2, [b"\xff\xe1".as_slice(), &length, exif].concat());
@@ -290,7 +292,7 @@ fn pictures_are_turned_as_their_orientation_says() {
     assert!(found["size"] == serde_json::json!([16, 12]) && found["psnr_db"].as_f64() > Some(30.0), "{found}");
     noted(&found, "orientation", &["turned.jpg", "90 degrees clockwise", "EXIF"]);
     noted(&found, "compression", &["turned.jpg", "JPEG"]);
-    // The rest of a truncated picture is not invented, even if a preview before it has an end.
+    // A truncated picture is refused. A preview that is stored before the picture has an end marker, which must not be taken for that of the picture.
     let length = u16::try_from(bytes.len() + 2).expect("a small preview").to_be_bytes();
     let (start, rest) = bytes.split_at(2);
     let with_preview = [start, b"\xff\xe1", &length, &bytes, rest].concat();
@@ -300,7 +302,7 @@ fn pictures_are_turned_as_their_orientation_says() {
     let cut = folder.path("cut.jpg");
     fs::write(&cut, &with_preview[..with_preview.len() - 20]).expect("a temporary file can be written");
     failure(&["compare", &cut, &upright], &["cut.jpg", "truncated"]);
-    // Negative control: upside down, the picture is another one.
+    // Negative control: the picture differs much from one that is turned by 180 degrees.
     let flipped = folder.path("flipped.png");
     image::imageops::rotate180(&ramp).save(&flipped).expect("a PNG can be written");
     assert!(below(&json(&[&turned, &flipped])["psnr_db"], 15.0));
@@ -316,7 +318,7 @@ fn what_the_metrics_do_not_see_is_said() {
     assert_eq!(found["identical"], true);
     noted(&found, "alpha", &["differs in 96 pixels", "not compared"]);
     assert!(json(&[&clear, &clear]).get("notes").is_none(), "equal alpha is nothing special");
-    // Equal alpha, but only OpenEXR has colours that are multiplied by it.
+    // Both files have the same alpha, but only OpenEXR stores colours that are multiplied by alpha.
     let png_of = |name: &str, alpha: u8| {
         let path = folder.path(name);
         image::RgbaImage::from_pixel(SIZE[0], SIZE[1], image::Rgba([188, 188, 188, alpha])).save(&path).expect("a PNG can be written");
@@ -328,14 +330,14 @@ fn what_the_metrics_do_not_see_is_said() {
     assert!(!notes(&found, "alpha")[0].contains("differs"), "{found}");
     let found = json(&[&png_of("whole.png", 255), &exr_of("one.exr", 1.0)]);
     assert!(notes(&found, "alpha").is_empty(), "opaque colours are the same in both: {found}");
-    // Clamped for the metrics of a display, but not for the others.
+    // Values above 1 are clamped for the metrics of displayed pictures, but not for the other metrics.
     let (bright, white) = (grey(&folder, "bright.exr", 3.0), grey(&folder, "white.exr", 1.0));
     let found = json(&[&bright, &white]);
     assert!(found["flip"]["max"] == 0.0 && found["mse"] == 4.0, "{found}");
     noted(&found, "clamped", &["288 values of", "bright.exr and 0 of", "white.exr", "flip, psnr, ssim"]);
     noted(&json(&[&bright, &white, "--metric", "ssim"]), "clamped", &["clamped for ssim"]);
     assert!(json(&[&bright, &white, "--metric", "mse,mrse"]).get("notes").is_none());
-    // 8 bits against floats.
+    // A picture of 8-bit codes is compared with a picture of floats.
     let codes = png(&folder, "codes.png", [188, 188, 188], &[]);
     noted(&json(&[&codes, &grey(&folder, "half.exr", 0.5)]), "precision", &["codes.png has 8-bit codes", "half.exr has floats", "1/510"]);
 }
@@ -367,7 +369,7 @@ fn tables_of_other_programs_are_read() {
         assert_eq!(written, expected, "{file}");
         assert!(printed.is_empty() == says.is_empty() && says.iter().all(|part| printed.contains(part)), "{file}: {printed}");
     }
-    // Commas in other columns stay as they are; spaces around names and numbers do not.
+    // Commas in columns that the probe does not read are kept. Spaces around names and numbers are removed.
     let notes = folder.write("notes.csv", " w_0 ; w_1 ; w_2 ; w_3 ; u ; note \n 1 ; 1 ; 1 ; 1 ; 0,1 ; 1,5 or 2 \n");
     assert_eq!(probe(&folder, &notes)[1], "w_0,w_1,w_2,w_3,u,note,of_4,of_3\n1,1,1,1,0.1,\"1,5 or 2\",0,0\n");
 }
@@ -385,7 +387,7 @@ fn tables_that_may_mean_two_things_are_refused() {
     refused(&table("w_0,w_1,w_2,w_3,u\n1,1,1,1,0,1\n"), &["line 2 has 6 cells (separated by `,`)", "decimal comma"]);
     refused(&table("w_0:w_1:w_2:w_3:u\n1:1:1:1:0\n"), &["no column `w_0`", "separated by `,`", "w_0:w_1:w_2:w_3:u"]);
     refused(&table("sep=:\nw_0:w_1:w_2:w_3:u\n"), &["table.csv", "first line", "delimiter"]);
-    // The line that names the delimiter counts as a line.
+    // The line that names the delimiter is counted, so the second row is line 3.
     refused(&table("sep=;\nw_0;w_1;w_2;w_3;u\n1;1;1;1;x\n"), &["line 3", "`x` is not a number"]);
     fs::write(folder.path("table.csv"), b"w_0,w_1,w_2,w_3,u\n1,1,1,1,\xb2\n").expect("a temporary file can be written");
     refused(&folder.path("table.csv"), &["not UTF-8", "line 2"]);

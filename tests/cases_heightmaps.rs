@@ -1,5 +1,5 @@
-//! Heightmaps as other programs write them (`cases/`). What a file says about its samples is applied, and compared with heights that do not come from
-//! this project (`truth.f32`), or the file is refused in one line that says how to mend it.
+//! Tests the import of heightmaps that other programs wrote (`tests/cases`). Either all statements of a file about its samples are applied, and the
+//! heights agree with heights that do not come from this project (`truth.f32`); or the file is refused in one line that says how to mend it.
 
 use std::fs;
 use std::io::Cursor;
@@ -13,19 +13,19 @@ use kernels::world::World;
 
 use crate::fixtures::{Folder, case, failure, has, one_line, success, usage_error};
 
-/// Ranges that keep 16-bit integers as they are, and the range of normalised cases, metres.
+/// Height ranges, metres. `I16` and `U16` map 16-bit integers to metres of the same value. `R` is the range of the cases with normalised samples.
 const I16: [f64; 2] = [-32_768.0, 32_767.0];
 const U16: [f64; 2] = [0.0, 65_535.0];
 const R: [f64; 2] = [300.0, 900.0];
 
-/// The right heights, metres, row by row from the north.
+/// Reads the correct heights of a case, metres, row by row from the north.
 fn truth(name: &str) -> Vec<f32> {
     let bytes = fs::read(case(name)).expect("the case has a truth");
     assert!(bytes.len() > 1000);
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// Options of most cases: 10 m, and no other statement.
+/// Options of most cases: a spacing of 10 m, and nothing else.
 fn plain() -> ReadOptions {
     ReadOptions { metres_per_texel: Some(10.0), ..ReadOptions::default() }
 }
@@ -57,7 +57,7 @@ fn same(reading: &Reading, truth_file: &str, tolerance: f32) {
     let truth = truth(truth_file);
     let largest = difference(&reading.map.samples, &truth);
     assert!(largest <= tolerance, "{}: {largest} m off\n{}", truth_file, reading.report);
-    // The comparison notices rows in the wrong order.
+    // Negative control: the comparison must notice rows in the wrong order.
     let reversed: Vec<f32> = truth.chunks(reading.map.width as usize).rev().flatten().copied().collect();
     assert!(difference(&reading.map.samples, &reversed) > 10.0, "{truth_file} is symmetric");
 }
@@ -68,7 +68,7 @@ fn notes(reading: &Reading) -> String {
 
 #[test]
 fn scale_and_offset_are_applied() {
-    // The truth is that of the integers, which are rounded to 0.1 m.
+    // The correct heights are those of the integer file, which are rounded to 0.1 m.
     for options in [plain(), ranged(I16)] {
         same(&read("01-geotiff-scale-offset/int16_scale.tif", &options), "01-geotiff-scale-offset/truth.f32", 1e-3);
     }
@@ -172,7 +172,7 @@ fn rows_that_run_from_south_to_north_are_turned() {
     let reading = read("07-south-up/south_up.tif", &plain());
     same(&reading, "07-south-up/truth.f32", 1e-3);
     has(&reading.report.to_string(), &["orientation: rows run from south to north in the file; turned"]);
-    // A window counts from the north-west corner, wherever that is in the file.
+    // A window is given from the north-west corner, even if the file begins with another corner.
     let part = read("07-south-up/south_up.tif", &ReadOptions { window: Some([9, 6, 13, 17]), ..plain() });
     let all = truth("07-south-up/truth.f32");
     let expected: Vec<f32> = (6..23).flat_map(|row| all[row * 65 + 9..][..13].to_vec()).collect();
@@ -217,7 +217,7 @@ fn compressions_are_read_or_named() {
 
 #[test]
 fn lzw_tiles_at_the_edge_of_an_image_are_read() {
-    // Two files of GDAL with the same samples. Tiles of 16 x 16 samples reach beyond the right and the lower edge.
+    // GDAL wrote both files from the same samples. Their tiles of 16 x 16 samples extend beyond the right and the lower edge of the image.
     let [lzw, deflate] =
         ["lzw_tiles", "deflate_tiles"].map(|file| read(&format!("09-compressions/{file}.tif"), &ReadOptions::default()).map);
     assert_eq!((lzw.width, lzw.height), (83, 61));
@@ -283,7 +283,7 @@ fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
     ] {
         let path = case("16-sizes").join(file);
         has(&one_line(examine(&path, Some(30.0), None)), &["--metres-per-texel 30 contradicts the file"]);
-        // The same map without a statement of its spacing.
+        // The same map is read from a file that does not state its spacing.
         let heights = heightmap::read(&path, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}")).map.samples;
         let bare = temp.0.join(format!("{file}.r32"));
         fs::write(&bare, heights.iter().flat_map(|height| height.to_le_bytes()).collect::<Vec<u8>>()).expect("written");
@@ -295,7 +295,7 @@ fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
             };
             let understood = outcome.unwrap_or_else(|error| panic!("{error}"));
             has(&understood.to_string(), &[edges[index], "are not drawn"]);
-            // What is said is what the world does: the last vertex with ground, and the first one without.
+            // The world must agree with the printed text: the last drawn vertex has ground, and the vertex after it has none.
             let out = temp.0.join(format!("{file}-{index}"));
             understood.write(&out, &|| false).unwrap_or_else(|error| panic!("{error}"));
             let world = World::new(&scene::load(&out.display().to_string()).expect("written")).expect("valid");
@@ -305,7 +305,7 @@ fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
             assert!(!world.is_hole(half, 0.0) && !world.is_hole(-half, 0.0) && world.is_hole(half + vertices, 0.0));
         }
     }
-    // With added relief, vertices are close together, and the smallest map is drawn.
+    // With added relief (`detail_m`), vertices are closer together, so even the smallest map can be drawn.
     let read = ReadOptions::default();
     let options = ImportOptions { read, detail_m: 0.1, ..ImportOptions::default() };
     let fine = scene_folder::examine(&case("16-sizes/2x2.tif"), &options, &|| false);
@@ -334,7 +334,7 @@ fn png_files_are_read_if_their_channels_agree() {
 fn raw_files_are_read_in_their_depth_and_byte_order() {
     let sized = |options: ReadOptions| ReadOptions { raw_size: Some([65, 49]), ..options };
     let big = |options: ReadOptions| ReadOptions { raw_big_endian: true, ..options };
-    // The truth is that of the integers.
+    // `truth.f32` has the heights of the integers, so the file of floats differs from it by their rounding.
     same(&read("22-raw/float.r32", &sized(plain())), "22-raw/truth.f32", 0.005);
     same(&read("22-raw/le.raw", &sized(ranged(R))), "22-raw/truth.f32", 1e-3);
     same(&read("22-raw/be.r16", &big(sized(ranged(R)))), "22-raw/truth.f32", 1e-3);
@@ -372,7 +372,7 @@ fn half_floats_lose_precision_and_say_so() {
     assert!(!notes(&float).contains("half"));
 }
 
-/// Like [`same`], for low relief.
+/// Like [`same`], for a relief that is too low for the negative control of `same`.
 fn same_within(reading: &Reading, truth_file: &str, tolerance: f32) {
     let truth = truth(truth_file);
     assert!(difference(&reading.map.samples, &truth) <= tolerance);
@@ -442,7 +442,7 @@ fn metadata(items: &[(&str, &str)]) -> Tag {
 /// An image of a TIFF: its size, its bits per sample, its further tags, and its samples.
 type Directory = ([u16; 2], u16, Vec<Tag>, Vec<u8>);
 
-/// A little-endian TIFF of images, each with one uncompressed strip. An image is its size, its bits, its further tags, and its samples.
+/// Returns a little-endian TIFF with these images. Each image is stored in one uncompressed strip.
 fn tiff(images: &[Directory]) -> Vec<u8> {
     let mut file = b"II*\0\x08\0\0\0".to_vec();
     for (index, (size, bits, more, samples)) in images.iter().enumerate() {
@@ -493,7 +493,7 @@ fn tiff(images: &[Directory]) -> Vec<u8> {
     file
 }
 
-/// Samples of a slope of 6 x 5 floats.
+/// Samples of an image of 6 x 5 floats, each 7 m higher than the one before.
 fn slope() -> Vec<u8> {
     (0..30).flat_map(|index| (100.0f32 + 7.0 * index as f32).to_le_bytes()).collect()
 }
@@ -538,11 +538,11 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     ] {
         has(&one_line(with_tags(tags, &plain())), &["made.tif", words]);
     }
-    // A unit in the metadata and another one in the vertical system.
+    // The metadata and the vertical system state different units.
     let vertical = shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4099, 0, 1, 9001]);
     let both = vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical, metadata(&[("unittype", "ft")])];
     has(&one_line(with_tags(both, &plain())), &["contradicts itself", "unit foot", "unit metre"]);
-    // A vertical system whose unit nobody states.
+    // The unit of the first vertical system is not known; that of the second is known (negative control).
     let vertical = |system: u16| shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4096, 0, 1, system]);
     let with_system = |system: u16| with_tags(vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical(system)], &plain());
     let unknown = with_system(5103).unwrap_or_else(|error| panic!("{error}"));
@@ -553,7 +553,7 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     let turned = with_tags(vec![metadata(&[("scale", "-1")])], &plain()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(turned.map.elevation_range_m(), (-303.0, -100.0));
     has(&notes(&turned), &["scale of the file is negative"]);
-    // A value that no sample has is no error.
+    // It is not an error if no sample has the no-data value.
     let tagged = with_tags(vec![words(42_113, "-9999")], &plain()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((tagged.report.void_count, tagged.map.samples), (0, whole.map.samples));
     assert!(with_tags(and(Vec::new()), &ReadOptions::default()).is_ok(), "negative control: the tags of UTM are right");
@@ -591,7 +591,7 @@ fn strips_that_are_shorter_than_declared_are_damaged() {
     let mut file = tiff(&[([6, 5], 32, Vec::new(), slope())]);
     let read = |file: &[u8]| heightmap::decode(Cursor::new(file), Path::new("made.tif"), &plain());
     assert!(read(&file).is_ok());
-    // The length of the strip: tag 279, type 4, count 1.
+    // The entry of the length of the strip begins with tag 279, type 4 and count 1.
     let at = file.windows(8).position(|part| part == [23, 1, 4, 0, 1, 0, 0, 0]).expect("it states the length of its strip") + 8;
     file[at] = 100;
     has(&one_line(read(&file)), &["strip 0 has 100 bytes, but needs 120", "damaged"]);
@@ -605,7 +605,7 @@ fn strs(arguments: &[String]) -> Vec<&str> {
     arguments.iter().map(String::as_str).collect()
 }
 
-/// Heights of the heightmap of a scene folder, metres, and the step between two of them.
+/// Returns the heights that the heightmap of a scene folder stores, and the step between neighbouring codes, both in metres.
 fn imported(folder: &str) -> (Vec<f32>, f32) {
     let scene = scene::load(folder).unwrap_or_else(|error| panic!("{error}"));
     let scene::World::Heightmap { height_range_m: [low, high], .. } = scene.world else { panic!("another world") };
@@ -624,7 +624,7 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
         arguments.extend(["--out".to_owned(), temp.path(out)]);
         arguments
     };
-    // From the spacing of the file, with scale and offset.
+    // The file states its spacing, scale and offset.
     let said = success(&strs(&call("01-geotiff-scale-offset/int16_scale.tif", &[], "scaled")));
     has(
         &said,
@@ -632,7 +632,7 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
     );
     let (heights, step) = imported(&temp.path("scaled"));
     assert!(difference(&heights, &truth("01-geotiff-scale-offset/truth.f32")) <= 1e-3 + step);
-    // Gaps become holes of the scene.
+    // With `--holes`, samples without data become holes in the ground.
     let said = success(&strs(&call("05-internal-mask/masked.tif", &["--holes"], "holes")));
     has(&said, &["holes in the ground: 20 that its mask hides", "holes: 20"]);
     let scene = scene::load(&temp.path("holes")).unwrap_or_else(|error| panic!("{error}"));

@@ -1,5 +1,6 @@
-//! Materials of an import: folders as libraries and programs really write them. What a survey accepts is copied, read again from the copy, and made into
-//! a palette, so that it can be drawn. Values are compared with the images themselves, which other decoders read here.
+//! Tests the materials of an import with folders that have the file names and formats of texture libraries and other programs. A survey finds the
+//! materials in a folder. The materials that it accepts are copied, read again from the copies, and made into a palette, as for drawing. Their values
+//! are compared with values that other decoders read from the images.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -35,7 +36,7 @@ fn names(survey: &MaterialSurvey) -> Vec<&str> {
     survey.found.iter().map(|found| found.name.as_str()).collect()
 }
 
-/// Map, file and way of reading of each map of a material.
+/// For each map of a material: its name, its file, and how the file is read.
 fn maps(survey: &MaterialSurvey, name: &str) -> Vec<(&'static str, String, Reading)> {
     let found = survey.found.iter().find(|found| found.name == name).unwrap_or_else(|| panic!("no `{name}`:\n{survey}"));
     found.recognised.maps().map(|(map, source)| (map, name_of(&source.file), source.reading)).collect()
@@ -52,7 +53,7 @@ fn refusal(survey: &MaterialSurvey) -> String {
 }
 
 /// Copies the materials as an import does, makes a palette of the copies, and checks that the copies are read like the originals. Returns the maps of
-/// each material at this size.
+/// each material, with an edge of `size` texels.
 fn drawn(test: &str, survey: &MaterialSurvey, size: u32) -> Vec<MaterialMaps> {
     let temp = Folder::new(&format!("drawn-{test}"));
     let materials = chosen(survey, &temp.0).unwrap_or_else(|error| panic!("{error}\n{survey}"));
@@ -124,7 +125,7 @@ fn same_values(what: &str, got: &[f32], file: &Path, of: impl Fn([f64; 3]) -> f6
     same(what, got.iter().map(|&v| f64::from(v)), expected.iter().map(|&code| of(code)));
 }
 
-/// A folder with one material of `edge` x `edge` texels: names, red, green and blue.
+/// Writes images of `edge` x `edge` texels into a folder. Each has a file name and one colour (red, green, blue).
 fn write(folder: &Path, edge: u32, images: &[(&str, [u8; 3])]) {
     fs::create_dir_all(folder).expect("a temporary folder can be made");
     for (name, colour) in images {
@@ -286,14 +287,14 @@ fn several_materials_in_one_folder_are_told_apart() {
     let (moss, rock) = (&both[0], &both[1]);
     assert!((moss.smoothness[0] - 0.2).abs() < 1e-5 && moss.normal[0][1] < -0.45, "{:?}", moss.normal[0]);
     assert!((rock.smoothness[0] - (1.0 - 150.0 / 255.0)).abs() < 1e-5 && (rock.specular_occlusion[0] - 100.0 / 255.0).abs() < 1e-5);
-    // Notes about the source stay with every material, and nothing else is copied.
+    // The file with the licence is copied to every material. Apart from it, only the maps that are used are copied.
     let to = temp.0.join("scene");
     chosen(&survey, &to).expect("copied");
     let copied: BTreeSet<String> =
         fs::read_dir(to.join("materials/rough_rock")).expect("a folder").map(|entry| name_of(&entry.expect("an entry").path())).collect();
     let expected = ["LICENSE.txt", "rough_rock_arm_1k.png", "rough_rock_diff_2k.png", "rough_rock_disp_1k.png", "rough_rock_nor_1k.png"];
     assert!(copied.iter().eq(expected), "{copied:?}");
-    // A scene file that names such a folder must name one material.
+    // A folder that a scene file names must contain only one material, so this folder is refused.
     has(&one_line(folder::load("m", &set, 8)), &["`m`", "maps of 2 materials", "Moss01, rough_rock", "folder of its own"]);
 }
 
@@ -327,7 +328,8 @@ fn an_albedo_in_tga_is_read_35() {
     let survey = surveyed(&case("35-albedo-tga/set"));
     assert_eq!(names(&survey), ["granite", "grass"]);
     let granite = drawn("35", &survey, 128).remove(0);
-    // 18 bytes of header, then blue, green, red from the bottom row on, which is the order of the maps, too.
+    // The file has a header of 18 bytes. Then it has blue, green and red of each texel, beginning with the bottom row. The maps also begin with the
+    // bottom row.
     let bytes = fs::read(case("35-albedo-tga/set/granite/albedo.tga")).expect("readable");
     assert_eq!((bytes[2], &bytes[12..18]), (2, [128, 0, 128, 0, 24, 0].as_slice()), "uncompressed, 24 bits, bottom row first");
     let expected: Vec<f64> =
@@ -345,7 +347,7 @@ fn a_tga_that_is_too_short_for_its_size_is_refused_before_it_is_decoded() {
         let [low, high] = edge.to_le_bytes();
         vec![0, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0, low, high, low, high, 24, 0]
     };
-    // Uncompressed; run-length encoded: each packet of 4 bytes repeats a colour 128 times.
+    // The first file is uncompressed. The second is run-length encoded: each packet of 4 bytes repeats a colour 128 times.
     for (kind, body) in [(2, vec![90; 3 * 128 * 128]), (10, [0xff, 90, 90, 90].repeat(128))] {
         let file = [header(kind, 128), body].concat();
         fs::write(folder.join("albedo.tga"), &file).expect("written");
@@ -368,7 +370,8 @@ fn each_map_may_have_its_own_size_36() {
     let small = case("36-sizes/set/granite/roughness.png");
     let granite = drawn("36", &survey, 64).remove(0);
     same_values("smoothness", &granite.smoothness, &small, |t| 1.0 - t[0]);
-    // At the size of the other maps, the roughness is interpolated: a texel lies at 1/4 or 3/4 between the centres of its neighbours.
+    // At the size of the other maps, the roughness is interpolated. The centre of each texel divides the way between two centres of texels in the
+    // file in the ratio 1 : 3 or 3 : 1.
     let granite = drawn("36-large", &survey, 128).remove(0);
     same_albedo(&granite, &case("36-sizes/set/granite/albedo.png"));
     let rough: Vec<f64> = texels(&small).iter().map(|t| t[0]).collect();
@@ -462,7 +465,7 @@ fn all_maps_may_be_openexr() {
     assert!((maps.normal[0][0] + 0.6).abs() < 1e-6 && maps.normal[0][1].abs() < 1e-6, "signed normals: {:?}", maps.normal[0]);
     assert!((maps.height[0] - 0.25).abs() < 1e-6 && (maps.smoothness[0] - 0.25).abs() < 1e-6);
 
-    // Two channels, and heights in metres.
+    // A normal map has two channels, and a height map has heights in metres.
     write_exr(&folder.join("normal.exr"), &[("R", 0.8), ("G", 0.5)]);
     write_exr(&folder.join("height.exr"), &[("Y", 3.0)]);
     let survey = surveyed(&temp.0);
@@ -520,13 +523,13 @@ fn what_is_no_normal_map_is_refused() {
         write(&folder, 8, &[("normal.png", colour)]);
         refused(&["normal.png", words]);
     }
-    // Grey and alpha are x and y.
+    // If a normal map has grey and alpha, these are x and y.
     image::ImageBuffer::<image::LumaA<u8>, Vec<u8>>::from_pixel(8, 8, image::LumaA([191, 128])).save(&normal).expect("written");
     let survey = surveyed(&temp.0);
     has(&survey.to_string(), &["z is computed"]);
     let maps = drawn_alone("grey-alpha", &survey, 8);
     assert!((maps.normal[0][0] - 0.498).abs() < 1e-3 && maps.normal[0][1].abs() < 0.01, "{:?}", maps.normal[0]);
-    // Lengths far from 1 are only reported, because scanned maps are often averaged.
+    // Normals whose lengths are far from 1 are reported and not refused, because the normals of scanned maps are often averaged.
     write(&folder, 8, &[("normal.png", [128, 128, 200])]);
     has(&surveyed(&temp.0).to_string(), &["normal.png: the lengths of 100 % of its vectors differ from 1"]);
 }
@@ -536,11 +539,11 @@ fn what_files_say_about_their_texels_is_applied_or_refused() {
     let temp = Folder::new("said");
     let folder = temp.0.join("m");
     write(&folder, 8, &PLAIN);
-    // A roughness in colour.
+    // A roughness map whose channels differ is refused.
     write(&folder, 8, &[("roughness.png", [200, 100, 50])]);
     has(&refusal(&surveyed(&temp.0)), &["roughness.png", "differ in 64 of 64 texels", "arm"]);
     write(&folder, 8, &PLAIN);
-    // A PNG that states that its codes are linear: the chunk gAMA with 100000, behind IHDR.
+    // Returns the PNG with an added chunk gAMA after the chunk IHDR. The value 45455 stands for sRGB, and 100000 for linear codes.
     let with_gamma = |gamma: u32| {
         let png = fs::read(folder.join("albedo.png")).expect("readable");
         let body = [b"gAMA".as_slice(), &gamma.to_be_bytes()].concat();
@@ -563,17 +566,17 @@ fn what_files_say_about_their_texels_is_applied_or_refused() {
     let maps = drawn_alone("gamma-linear", &survey, 8);
     assert!((maps.albedo[0][0] - 120.0 / 255.0).abs() < 1e-5, "{:?}", maps.albedo[0]);
     has(&survey.to_string(), &["albedo.png: it states the gamma 1.000"]);
-    // Alpha is reported if it is not opaque.
+    // An alpha channel is reported if it is not opaque.
     image::RgbaImage::from_pixel(8, 8, image::Rgba([120, 110, 100, 9])).save(folder.join("albedo.png")).expect("written");
     has(&surveyed(&temp.0).to_string(), &["albedo.png: its alpha channel is not used"]);
-    // A truncated JPEG would be filled with grey.
+    // A truncated JPEG is refused, because a decoder would fill its missing part with grey.
     fs::remove_file(folder.join("albedo.png")).expect("removed");
     image::RgbImage::from_fn(8, 8, |x, y| image::Rgb([x as u8 * 9, y as u8 * 9, 7])).save(folder.join("albedo.jpg")).expect("written");
     assert!(surveyed(&temp.0).refused.is_empty());
     let jpeg = fs::read(folder.join("albedo.jpg")).expect("readable");
     fs::write(folder.join("albedo.jpg"), &jpeg[..jpeg.len() - 20]).expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "truncated"]);
-    // A preview in a segment for applications, as cameras write it, has an end of its own.
+    // Cameras store a preview in an application segment. It has an end marker, which must not be taken for that of the picture.
     let length = u16::try_from(jpeg.len() + 2).expect("a small preview").to_be_bytes();
     let (start, rest) = jpeg.split_at(2);
     let with_preview = [start, b"\xff\xe1", &length, &jpeg, rest].concat();
@@ -581,7 +584,7 @@ fn what_files_say_about_their_texels_is_applied_or_refused() {
     assert!(surveyed(&temp.0).refused.is_empty());
     fs::write(folder.join("albedo.jpg"), &with_preview[..with_preview.len() - 20]).expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "truncated"]);
-    // Other formats are named.
+    // Formats that are not supported are named in the error.
     fs::write(folder.join("albedo.jpg"), b"RIFF\x10\0\0\0WEBPVP8 1234").expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "WebP files cannot be read", "PNG"]);
     fs::rename(folder.join("albedo.jpg"), folder.join("albedo.dds")).expect("renamed");
@@ -598,7 +601,7 @@ fn normals_for_directx_without_the_name_are_noticed() {
     image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([code(0.3 * wave(x).0 + 0.3 * wave(y).0); 3]))
         .save(folder.join("height.png"))
         .expect("written");
-    // Rows grow downwards in an image, so the slope along v is opposite to that along rows.
+    // The rows of an image are counted downwards, and v points upwards. So the slope along v has the opposite sign.
     let normals = |green: f64| {
         image::RgbImage::from_fn(64, 64, |x, y| {
             let (dx, dv) = (0.3 * wave(x).1, -0.3 * wave(y).1);
@@ -672,7 +675,7 @@ fn a_survey_stops_between_materials() {
     has(&one_line(stops_at(1)), &["stopped"]);
     has(&one_line(stops_at(2)), &["stopped"]);
     assert_eq!(stops_at(100).expect("not stopped").found.len(), 5);
-    // The heightmap is read before the materials.
+    // An import can also be stopped. It reads the heightmap first, and then the materials.
     let read = ReadOptions { metres_per_texel: Some(10.0), height_range_m: Some([300.0, 900.0]), ..ReadOptions::default() };
     let options = ImportOptions { read, materials: Some(temp.0.clone()), ..ImportOptions::default() };
     for limit in 1..=3 {
@@ -741,7 +744,7 @@ fn ten_thousand_files_are_listed_in_few_lines() {
     let text = refusal(&surveyed(&folder));
     has(&text, &["2501 files in", "could be the albedo map", "and 2493 more"]);
     assert!(text.len() < 1000, "{text}");
-    // Without them, it holds one material, and everything else is named in few lines.
+    // Without these candidates, the folder has one material, and all other files are listed in few lines.
     for i in (2..10_000).step_by(4) {
         fs::remove_file(folder.join("m").join(format!("mat{i}_albedo.png"))).expect("removed");
     }
@@ -798,7 +801,7 @@ fn loops_devices_and_odd_names_are_one_line_each() {
     has(unused(&survey, "self"), &["cannot be followed"]);
     has(unused(&survey, "dangling.png"), &["cannot be followed"]);
     has(unused(&survey, "._albedo.png"), &["hidden"]);
-    // The user root may read everything.
+    // If the tests run as the user root, the locked folder can be read, and it is empty.
     assert!(["cannot be read", "an empty folder"].iter().any(|reason| unused(&survey, "locked").contains(reason)), "{survey}");
     if has_pipe {
         has(unused(&survey, "ao.png"), &["not a plain file"]);

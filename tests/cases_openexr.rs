@@ -1,4 +1,5 @@
-//! The OpenEXR reader on files that other programs wrote (`cases/`): parts, layers, channels, windows, and kinds that are not supported.
+//! Tests the OpenEXR reader with files that other programs wrote (`tests/cases`): parts, layers, channels, windows, and a compression that is not
+//! supported.
 
 use std::fs::{self, File};
 use std::io::BufReader;
@@ -16,7 +17,7 @@ fn parts(name: &str) -> Vec<Part> {
     read(name).unwrap_or_else(|fault| panic!("{name}: {fault}"))
 }
 
-/// The right heights, metres, which belong to the case.
+/// Reads the correct heights of a case, metres.
 fn truth(folder: &str) -> Vec<f32> {
     let bytes = fs::read(case(folder).join("truth.f32")).expect("the case has a truth");
     let heights: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -81,7 +82,7 @@ fn windows_are_told_apart() {
     assert_eq!(offset.display_window, offset.data_window);
     let heights = truth("28-exr-windows");
     assert_eq!(offset.channels[0].samples, heights);
-    // The truth is that of the whole picture, and the cropped file has a part of it.
+    // The correct heights cover the whole picture. The cropped file has a part of them.
     let inside: Vec<f32> = (10..40).flat_map(|row| heights[row * 65 + 12..][..48].to_vec()).collect();
     assert_eq!(cropped.channels[0].samples, inside);
 }

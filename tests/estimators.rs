@@ -44,7 +44,7 @@ fn shaders_know_estimators_by_the_hosts_numbers() {
         let name = format!("ESTIMATOR_{}", estimator.name().to_uppercase().replace('-', "_"));
         assert_eq!(constants.get(&name), Some(&f64::from(estimator as u8)), "{name}");
     }
-    // The shaders know no other estimators.
+    // The shaders define no other estimators.
     assert_eq!(constants.keys().filter(|name| name.starts_with("ESTIMATOR_")).count(), all.len());
     assert_eq!(constants.get("TERRAIN_LAYER_BITS"), Some(&f64::from(LAYER_SHIFT)));
     assert_eq!(constants.get("LAYERS"), Some(&(layers::LAYERS as f64)));
@@ -89,7 +89,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
     let mut base = request(&renderer, "cliff");
     base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     let mut pictures: Vec<(String, Picture)> = Vec::new();
-    // The tests of `frame` check the first estimator, on all 31 variants.
+    // The first estimator (`fc5`) is left out, because the tests of `frame` check it on all 31 variants.
     for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).skip(1) {
         let base = base.with(|r| r.shading.estimator = estimator);
         let is_yardstick = Estimator::YARDSTICKS.contains(&estimator);
@@ -188,7 +188,7 @@ fn random_estimators_have_their_means() {
         (Hex, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
         (Stf, NearCliff, "ground", NearCliff, (Exact, Splat)),
         (Stf, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
-        // `Stf` reads only one texel and does not know the heights of the other texels, so its weights are bilinear, like the weights of near cliff.
+        // `Stf` reads only one texel and not the heights of the other texels, so its weights are bilinear, like the weights of near cliff.
         (Stf, Splat, "ground", NearCliff, (Exact, Splat)),
     ] {
         let expected = albedo(&mut renderer, camera, estimator.mean(), of, 0);

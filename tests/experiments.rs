@@ -528,7 +528,7 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
         let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
         let outcome = run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &go_on);
         assert_eq!(outcome.is_ok(), stop + 1 == count);
-        // These are files that a process leaves behind if it is killed while it writes.
+        // Write the files that a process leaves behind if it is killed while it writes.
         fs::write(stopped.0.join("trial/parts/00001-x.parquet.7.tmp"), b"half").unwrap();
         fs::write(stopped.0.join("trial/metrics.csv.7.tmp"), b"half").unwrap();
         if stop + 1 < count {
@@ -813,7 +813,8 @@ fn measurers_that_break_their_promise_are_stopped() {
         let mut run = Run::open(&trial(), &place(&folder.0), &machine()).unwrap();
         let error = format!("{:#}", run.carry_out(&mut Broken(metric, as_time), &|_, _| {}, &uninterrupted).unwrap_err());
         assert!(error.contains(says), "{error}");
-        // A shard counts its own parts, whose indices in the whole run are larger. Its first part is a reference, whose rows another shard stores.
+        // An error of a shard numbers the part among the parts of this shard, not among all parts of the run. Part 1 of this shard is a reference
+        // whose rows are not stored, because another shard stores them. So the error occurs in part 2.
         let folder = Folder::new("broken shard");
         let shard = Place { shard: Some(Shard { number: 2, count: 4 }), ..place(&folder.0) };
         let mut run = Run::open(&trial(), &shard, &machine()).unwrap();

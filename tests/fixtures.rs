@@ -67,8 +67,8 @@ pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(0)
 }
 
-/// A second renderer of the small scene, for tests that do not use the shaders of the 31 variants. They need not wait until a test of the first
-/// renderer has compiled those shaders.
+/// A second renderer of the small scene, for tests that do not use the shaders of the 31 variants. Such tests need not wait until a test that uses
+/// the first renderer has compiled those shaders.
 pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(1)
 }

@@ -89,7 +89,7 @@ fn all_numbers_equal_their_references() {
     let (scene, world) = (renderer.scene().clone(), renderer.world().clone());
     let layout = *world.layout();
     let variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-    // Several bands of rows, and a size that is not a multiple of the workgroup size.
+    // The pass inspects a picture in bands of rows. This picture has several bands, and its size is not a multiple of the workgroup size.
     let request = request(&renderer, "cliff").with(|r| {
         r.view.size = [61, 149];
         r.shading.variant = variant;

@@ -254,7 +254,7 @@ fn stand(model: &mut Model) {
     model.settings.scale = 0.2;
 }
 
-/// Creates a window with its own drawing thread. The tests open other scenes, which the drawing thread loads.
+/// Creates a window with a drawing thread of its own, which is not shared with other tests, because these tests open other scenes.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);

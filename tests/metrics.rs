@@ -47,7 +47,7 @@ fn meter(gpu: &Gpu, size: [u32; 2], resolves: &[Resolve]) -> Meter {
     Meter::new(gpu, &layout, size, resolves).expect("the passes compile")
 }
 
-/// Sizes that are not multiples of the size of a tile, a block or a workgroup: one wide, one high.
+/// Sizes that are not multiples of the size of a tile, a block or a workgroup. The first is wider than high, the second is higher than wide.
 const RAGGED: [[u32; 2]; 2] = [[93, 61], [61, 93]];
 const RAGGED_PIXELS: usize = 93 * 61;
 
@@ -295,7 +295,8 @@ fn seeds_of_ragged_pictures_equal_their_reference() {
                 let expected = reference::seed(size, BLOCK, picture, &exact);
                 assert_eq!((found.terrain, found.blocks), (expected.terrain, expected.blocks));
                 assert!(expected.blocks > 20.0 && expected.terrain < RAGGED_PIXELS as f64, "{expected:?}");
-                // See `block_noise_is_caught_by_clumping`. The scale of the sum of errors is 0.1 per channel.
+                // The test `block_noise_is_caught_by_clumping` explains these tolerances. The bound of the partial sums of errors is 0.1 per channel
+                // of a pixel.
                 let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
                 assert!(close(found.squared_error, expected.squared_error, expected.squared_error), "{found:?} {expected:?}");
                 assert!(close(found.error, expected.error, 3.0 * RAGGED_PIXELS as f64 * 0.1), "{found:?} {expected:?}");

@@ -1,4 +1,4 @@
-//! Motion links, compared with their reference in f64.
+//! Compares motion links with their reference in f64.
 
 use glam::DVec3;
 use kernels::composition::Layers;

@@ -170,7 +170,7 @@ fn stage_of(file: &Wgsl) -> &'static str {
     file.path.split('/').next().unwrap_or(file.path)
 }
 
-/// Whether a shader module is valid in which `text` replaces the text of `file`. The module also contains the files that `file` needs. Whether the
+/// Whether a shader module that consists of a changed file and the files that it needs is valid. `text` is the changed text of `file`. Whether the
 /// module fits the pipelines of its stage is not checked here, but when a test builds these pipelines.
 fn compiles(file: &'static Wgsl, text: &str) -> bool {
     let mut pieces = wgsl::pieces(&[file]);

@@ -182,8 +182,8 @@ fn windowed_variance(frames: &[Vec<f64>], window: usize) -> f64 {
 fn frames_follow_each_other_as_each_kind_promises() {
     let of = |kind: NoiseKind| sequence(&move |pixel, frame| thresholds(kind, pixel, frame, 8, 3)[0]);
     let chance = 4.9 / f64::from(SLICES * RANKS).sqrt();
-    // White noise has no correlation. H0: frames are independent. Under H0, the correlation of n pairs of values one frame apart is normally
-    // distributed with a standard deviation of 1/sqrt(n). A bound of 4.9 standard deviations is a level of 1e-6.
+    // White noise has no correlation. Null hypothesis: frames are independent. Under this hypothesis, the correlation of n pairs of values one frame
+    // apart is normally distributed with a standard deviation of 1/sqrt(n). A bound of 4.9 standard deviations is a level of 1e-6.
     let white = of(NoiseKind::WhiteScreen);
     assert!(lag_one(&white).abs() < chance, "white: {}", lag_one(&white));
     assert!((windowed_variance(&white, 4) - 1.0).abs() < 0.1);
@@ -379,8 +379,8 @@ fn interleaved_gradient_noise_is_the_published_one() {
         assert!(gap > 0.05, "decision {decision}: {gap}");
     }
     assert!(of(NoiseKind::WhiteScreen, 0) < 0.02);
-    // The published function is not uniform. It becomes uniform by adding a hashed offset modulo 1 (`rotated`). H0: the share of values above 0.983
-    // is 0.017. The level of this single test is 0.1 %.
+    // The published function is not uniform. It becomes uniform by adding a hashed offset modulo 1 (`rotated`). Null hypothesis: the share of values
+    // above 0.983 is 0.017. The level of this single test is 0.1 %.
     const DRAWS: u32 = 4_000_000;
     let above = |of: &dyn Fn(u32) -> f64| (0..DRAWS).filter(|&i| of(i) >= 0.983).count() as u64;
     let p = |n: u64| coverage_p(n, u64::from(DRAWS), 0.017);

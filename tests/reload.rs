@@ -110,7 +110,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
     // The files in the folder equal the embedded ones, so nothing is built.
     assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
-    // Uses one cheap variant, because compiling takes most of the time of these tests.
+    // The test draws one cheap variant, because compiling takes most of the time of these tests.
     let request = forced(&renderer, Flavour::FarAtlas.bit());
     let first = draw(&mut renderer, &request);
     assert!(!is_half_of(&first, &first), "negative control: a picture is not half of itself");

@@ -359,7 +359,7 @@ fn scene_folder(name: &str) -> Folder {
 #[test]
 fn scenes_are_read_as_they_were_written() {
     let folder = scene_folder("round-trip-scenes");
-    // How often each kind of world, and a scene with strokes, occurred.
+    // The number of scenes with a procedural world, with a heightmap, and with strokes.
     let seen = [const { Cell::new(0) }; 3];
     let count = |place: usize| seen[place].set(seen[place].get() + 1);
     for_all(300, &scenes(&folder.0), |scene| {

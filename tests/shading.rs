@@ -33,7 +33,7 @@ pub(crate) struct Seen {
     shaded: Shaded,
 }
 
-/// Draws a frame, and reads what the stages wrote.
+/// Draws a frame and reads its G-buffer and its shaded pixels. Returns the terrain pixels and the drawn nodes.
 pub(crate) fn seen(renderer: &mut Renderer<'_>, request: &RenderRequest) -> (Vec<Seen>, Vec<kernels::world::NodeId>) {
     let half_world = DVec2::splat(renderer.world().layout().world_m() / 2.0);
     let frame = renderer.draw(request).expect("draws");
@@ -161,8 +161,8 @@ fn compare(camera: &str, fov_deg: f64, limits: &Limits, cases: &[Case]) {
 }
 
 /// Textures have 8 bits, and a software adapter rounds each of the three steps of trilinear filtering to 8 bits. So the error of a filtered value is
-/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with four times the
-/// usual strength, so its limit is larger.
+/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with four times
+/// the usual strength, so its limit is larger.
 const LIMITS: Limits = Limits { median: [0.004, 0.016, 0.003, 0.003], most: [0.008, 0.04, 0.006, 0.006] };
 
 /// Moves a pixel by half a texel of the pages that it samples.

@@ -540,7 +540,8 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
 
 // ---------------------------------------------------------------- select
 
-/// p-value of the hypothesis H0 that indices are chosen in proportion to the weights; 0 if an index of weight 0 occurs.
+/// Returns the p-value of the null hypothesis that the probability of an index is proportional to its weight. Returns 0 if an index of weight 0
+/// occurs.
 fn frequencies_p<const N: usize>(weights: [f64; N], choose: &dyn Fn([f64; N], f64) -> usize) -> f64 {
     let mut random = Random(47);
     let mut counts = [0.0; N];

@@ -45,8 +45,8 @@ fn kernels_hold_at_their_extremes_as_recorded() {
             continue;
         };
         compared += 1;
-        // The table was recorded with more rows, the first of which are measured here. So the largest error cannot exceed the recorded one. The
-        // tolerance of 1 % covers the rounding of recorded numbers to three digits.
+        // The table was recorded with all rows of each case. This test measures only the first of these rows, so its largest error cannot exceed the
+        // recorded one. The tolerance of 1 % covers the rounding of recorded numbers to three digits.
         assert!(finding.worst <= before.worst * 1.01 + 1e-12, "the error is larger than the recorded one ({}): {finding:?}", before.worst);
     }
     assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());
@@ -65,7 +65,8 @@ fn directions_are_as_published_and_derivatives_within_their_law() {
     assert_eq!(rows.len(), recorded.len(), "the rows differ from the table: rewrite it with `experiments stability`");
     for (row, before) in rows.iter().zip(&recorded) {
         let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&before.kind, &before.view, &before.motion, &before.statistic];
-        // The tolerance is necessary because the sines of mathematics libraries differ in the last digit.
+        // The tolerance is necessary because the recorded numbers are rounded to four digits, and because the sines of mathematics libraries differ
+        // in the last digit.
         assert!(same && (row.value - before.value).abs() <= 2e-3 * before.value.abs() + 1e-9, "{row:?}, recorded {before:?}");
     }
 }

@@ -41,7 +41,7 @@ const DONE: usize = 6;
 /// The tables of a finished run.
 const TABLES: [&str; 4] = ["metrics.parquet", "metrics.csv", "times.parquet", "times.csv"];
 
-/// Number of bytes of a file that are changed, one at a time.
+/// Largest number of bytes of a file that the tests change, one at a time.
 const FLIPS: usize = 60;
 /// Number of these changes for which the run is not only read but also resumed. The number is small, because resuming takes longer.
 const RESUMED: usize = 6;
@@ -50,7 +50,7 @@ fn trial() -> Definition {
     definition::parse(TEXT, "trial.toml", Path::new(".")).expect("the trial definition is valid")
 }
 
-/// A run with the same parts and other numbers.
+/// Returns the definition of a run that has the same parts as `trial`, but other numbers.
 fn another() -> Definition {
     let text = TEXT.replace("cliff_near_m\" = 20.0", "cliff_near_m\" = 25.0");
     assert_ne!(text, TEXT);
@@ -59,9 +59,9 @@ fn another() -> Definition {
 
 // ---- Making runs. ----
 
-/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the reference's files, as measured
-/// numbers do. It does not notice damaged references. Unlike measured times, its times are the same in every run, so that tables of
-/// times can be compared.
+/// A stand-in for the renderer. Its numbers depend on the name of the part. Most of them also depend on the settings of the definition, and errors
+/// also depend on the bytes of the reference's files, as in a real run. The stand-in does not notice damaged references. Unlike measured times, its
+/// times are the same in every run, so that tables of times can be compared.
 struct Fake<'a>(&'a Definition);
 
 /// Pseudo-random number from 0 to 1, computed from a text. It has the full precision of an f64.
@@ -122,7 +122,7 @@ fn open(definition: &Definition, run: &Path, existing: Existing) -> anyhow::Resu
     Run::open(definition, &Place { out: run, own: true, existing, shard: None, small: false }, &machine())
 }
 
-/// Carries out the missing parts, at most `parts`.
+/// Carries out at most `parts` of the missing parts.
 fn carry_out(run: &mut Run, definition: &Definition, parts: usize) {
     let left = Cell::new(parts);
     let go_on = || -> anyhow::Result<()> {
@@ -142,7 +142,7 @@ fn resume(definition: &Definition, run: &Path) -> anyhow::Result<RunData> {
     Ok(run.finish().expect("a run that was opened can be finished"))
 }
 
-/// The files of a folder and its subfolders, by their names within the folder.
+/// The contents of all files of a folder and its subfolders. The keys are paths relative to the folder.
 type Files = BTreeMap<String, Vec<u8>>;
 
 fn files_of(folder: &Path) -> Files {
@@ -172,14 +172,14 @@ fn make<'a>(folder: &Path, files: impl Iterator<Item = (&'a String, &'a Vec<u8>)
     }
 }
 
-/// What an undamaged run yields.
+/// The numbers and tables of an undamaged run.
 struct Truth {
     rows: Vec<Row>,
     times: Vec<Row>,
     tables: [Vec<u8>; 4],
 }
 
-/// Makes a finished run. Returns what it yields, and its files.
+/// Makes a finished run. Returns its numbers and tables, and all its files.
 fn finished(definition: &Definition, run: &Path) -> (Truth, Files) {
     let mut begun = open(definition, run, Existing::Refuse).expect("the run can be opened");
     carry_out(&mut begun, definition, usize::MAX);
@@ -203,7 +203,7 @@ fn same(a: &[Row], b: &[Row]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.order(b).is_eq())
 }
 
-/// Whether all rows of `part` are in `whole`. Both are sorted.
+/// Whether all rows of `part` are in `whole`. Both lists must be sorted.
 fn within(part: &[Row], whole: &[Row]) -> bool {
     let mut rest = whole.iter();
     part.iter().all(|row| rest.any(|other| row.order(other).is_eq()))
@@ -218,7 +218,8 @@ enum Seen {
     Same,
     /// The run is reported as incomplete, and every number that was read is also in the undamaged run.
     Part,
-    /// The run was accepted, with numbers that differ from those of the undamaged run.
+    /// The run was accepted, but its numbers differ from those of the undamaged run, or it was read as complete although parts are missing (or the
+    /// reverse).
     Different,
 }
 
@@ -268,7 +269,7 @@ fn borders(name: &str, bytes: &[u8]) -> Vec<usize> {
 struct Damage {
     what: String,
     bytes: Vec<u8>,
-    /// Whether the run is also resumed after the damage.
+    /// Whether the test also resumes the run with this damaged file.
     resumed: bool,
 }
 
@@ -317,8 +318,8 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Checks that a message is one line that names one of the files. If the file is a manifest, the message may name the run's folder
-    /// instead: without its manifest, a folder holds no run, and with a valid manifest of another run, it holds that other run.
+    /// Checks that a message is one line that names one of the files. If the file is a manifest, the message may name the run's folder instead,
+    /// because a folder without a manifest holds no run, and a folder with the manifest of another run holds that other run.
     fn is_told(&mut self, what: &str, names: &[&str], message: &str) {
         let folder = self.run.display().to_string();
         let is_named = |name: &&str| {
@@ -345,7 +346,8 @@ impl Bench<'_> {
         match Seen::of(resume(self.definition, self.run), self.truth) {
             Seen::Refused(message) => self.is_told(what, names, &message),
             Seen::Same => {
-                // The tables on the disk have the same bytes, too. This includes the CSV tables, which are not read.
+                // The written tables must have the same bytes as those of the undamaged run. This includes the CSV tables, which `resume` does not
+                // read.
                 for (table, bytes) in TABLES.iter().zip(&self.truth.tables) {
                     assert!(fs::read(self.run.join(table)).expect("written") == *bytes, "{names:?}, {what}: {table} differs");
                 }
@@ -355,7 +357,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Damages every file in every way. `other` are the files of another run in the same state.
+    /// Damages every file in every way. `other` are the files of another run, which is also finished or also interrupted.
     fn try_all(&mut self, files: &Files, other: &Files) {
         for (name, bytes) in files {
             let with = |bytes: Option<Vec<u8>>| {
@@ -374,7 +376,7 @@ impl Bench<'_> {
             renamed.insert(format!("{name}.4711.tmp"), bytes.clone());
             self.try_files("not renamed yet", &[name], &renamed, true);
         }
-        // Two files of the same kind are exchanged.
+        // Exchange two files that have the same file extension.
         let names: Vec<&String> = files.keys().collect();
         let kind = |name: &str| name.rsplit_once('.').map(|(_, extension)| extension.to_owned());
         for (i, first) in names.iter().enumerate() {
@@ -403,7 +405,7 @@ fn a_damaged_file_of_a_finished_run_is_refused_or_changes_nothing() {
     bench.try_files("nothing", &[], &files, true);
     assert_eq!((bench.refused, bench.accepted), (0, 2));
     bench.try_all(&files, &other);
-    // A valid table in which one number was changed.
+    // Replace a table by a valid table in which one number differs.
     make(&run, files.iter());
     let table = run.join("metrics.parquet");
     let mut rows = read_parquet(&table).expect("a table").rows;
@@ -432,7 +434,7 @@ fn a_damaged_file_of_an_interrupted_run_is_refused_or_done_again() {
     bench.try_files("nothing", &[], &files, true);
     assert_eq!((bench.refused, bench.accepted), (0, 2));
     bench.try_all(&files, &other);
-    // The notes of a part are not covered by the checksum of its rows. Change each byte of the notes.
+    // The checksum of a part covers its rows, but not its notes (the key-value metadata of its Parquet file). Change each byte of the notes.
     let part = plan(&trial).into_iter().nth(DONE - 1).map(|unit| format!("parts/{:05}-{}.parquet", unit.index, unit.id)).expect("a part");
     let bytes = &files[&part];
     let start = bytes.windows(12).position(|bytes| bytes == b"scree.schema").expect("the notes");
@@ -477,7 +479,7 @@ fn shards_are_not_mixed_up() {
         mixed.insert(format!("shard-2-of-2/{name}"), files[&format!("shard-1-of-2/{name}")].clone());
         refused(name, &mixed, "shard-2-of-2");
     }
-    // Shard 1 is there twice: first next to a copy of itself, then with a copy under the name of shard 2.
+    // The folder contains shard 1 twice: first the shard, its copy and shard 2, then the shard and its copy under the name of shard 2.
     let shard = |from: &str, to: &str| {
         let own = files.iter().filter_map(|(name, bytes)| Some((format!("{to}{}", name.strip_prefix(from)?), bytes.clone())));
         own.collect::<Files>()
@@ -532,7 +534,7 @@ fn what_an_import_notes_is_passed_on_once() {
 #[test]
 fn a_changed_file_of_an_imported_scene_is_refused() {
     let folder = Folder::new("store-import");
-    // A slope that rises to the east, with bumps.
+    // A slope with bumps.
     let sample = |x: u32, y: u32| image::Luma([(x * 1100 + y * 310 + (x * y) % 97 * 60) as u16]);
     image::ImageBuffer::from_fn(37, 29, sample).save(folder.0.join("heightmap.png")).expect("writable");
     let import = "[import]\nheightmap = \"heightmap.png\"\nmetres_per_texel = 5.0\nheight_range_m = [100.0, 900.0]\n";
@@ -561,7 +563,7 @@ fn a_changed_file_of_an_imported_scene_is_refused() {
         }
     }
     assert!(tried >= 8, "{tried} damages");
-    // Without the folder, the scene is imported again, and the parts are kept.
+    // If the folder `scene` is missing, the scene is imported again, and the finished parts are kept.
     make(&run, files.iter().filter(|(name, _)| !name.starts_with("scene/")));
     assert_eq!(open(&definition, &run, Existing::Resume).expect("imported again").progress().0, DONE);
     assert!(

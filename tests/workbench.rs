@@ -27,7 +27,7 @@ use crate::fixtures::{Folder, gpu, program, small_scene};
 
 const WINDOW: [u32; 2] = [1100, 1500];
 
-/// The application with a small scene. Time and camera stand still, and the first picture has been drawn.
+/// Returns the application with a small scene. The clock is paused, the camera stands still, and the first picture has been drawn.
 fn stage() -> Stage {
     standing(None)
 }
@@ -85,8 +85,8 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     for variant in Variant::all() {
         assert!(stage.has(&format!("Variant {variant}")), "{variant}");
     }
-    // Changes that follow each other without a pause of one second are undone together. There was no such pause above, so all changes up to here are
-    // one step of undo.
+    // The undo history stores a state that was unchanged for one second. Each drawing advances the time of the window by a quarter of a second, so 30
+    // drawings are enough to store the state with `far-atlas`.
     take(&mut stage, "click Variant far-atlas");
     for _ in 0..30 {
         stage.settle().expect("a picture");
@@ -283,7 +283,8 @@ fn the_camera_flies_turns_and_walks() {
     stage.hold("A".parse_key(), 4).expect("a picture");
     let after = pose(&mut stage);
     assert!((after.position - walking.position).length() > 0.1);
-    // The eye must be EYE_M above the ground. Only the drawing thread knows the height of the ground, so the test uses a renderer of the same scene.
+    // The eye must be EYE_M above the ground. Only the drawing thread has a renderer, which computes the height of the ground. So the test uses
+    // another renderer of the same scene.
     {
         let renderer = crate::fixtures::renderer();
         for p in [walking.position, after.position] {
@@ -314,7 +315,7 @@ fn layers_panels_and_what_is_not_there() {
         take(&mut stage, &format!("click Layer; click {}", layer.name()));
         let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.settings.layer, layer);
-        // While time stands still, nothing flickers or flips, so the layers that show measured values may look alike.
+        // While the clock is paused, no pixel flickers or flips, so the layers that show measured values may look alike.
         assert!(layer.is_measured() || pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
         pictures.push(shown.texels.clone());
     }
@@ -362,7 +363,7 @@ fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
 
 #[test]
 fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
-    // The panel *Experiments* starts the program `experiments`. The call fails if the program is missing or older than its sources.
+    // The panel *Experiments* starts the program `experiments`. `program` fails if this program is missing or older than its sources.
     program();
     let folder = Folder::new("workbench-experiment");
     let out = folder.path("out");
@@ -399,7 +400,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     wait(&mut stage, "the report", |stage| stage.has("Open report"));
     assert!(stage.names().iter().any(|name| name.contains("What does near-cliff cost")), "{:?}", stage.names());
 
-    // The run has measured what was on screen.
+    // The run has measured the view and the settings that were on screen.
     let shown = stage.model().shown().expect("a picture").clone();
     let run = read_run(&Path::new(&out).join("seen")).expect("it is whole");
     assert!(run.complete && Path::new(&out).join("seen").join("report.html").is_file());
@@ -486,7 +487,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     let second = shown.second.as_ref().expect("B");
     assert!(shown.texels == alone && second.texels == alone, "B must equal A");
     assert_eq!((second.rmse, second.largest), (0.0, 0.0), "there must be no difference");
-    // Changes a setting of the request, then a setting of the scene. B must be as it was, and A must change.
+    // Change a setting of the request, then a setting of the scene. A must change, and B must stay the same.
     for change in ["set Seed = 7", "set Sun above = 20"] {
         take(&mut stage, &format!("click Variants; click Parameters; {change}; click Compare"));
         let shown = stage.model().shown().expect("a picture").clone();
@@ -513,7 +514,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A and B must be exchanged");
     take(&mut stage, "key X");
     assert_eq!(stage.model().compare.mode, Mode::Flicker);
-    // Uses one variant, because the exact blend of each variant is another shader to compile.
+    // The test now uses one variant, because the exact blend of each further variant needs another shader, and compiling takes long.
     stage.model().settings.frame.variant = Some(Variant::only(Flavour::NearCliff));
     take(&mut stage, "click B is; click exact blend of A");
     assert_eq!(stage.model().compare.other, Other::Exact);
@@ -541,13 +542,13 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     assert_eq!(last(&mut stage).sides[0], Some(reseeded));
     take(&mut stage, "click Freeze; click Restart");
     assert_eq!(last(&mut stage).sides[0].expect("terrain").frames, 1.0);
-    // Compared with the exact blend, a single frame already has noise, but almost no bias.
+    // B is the exact blend. One frame of A is enough to measure its clumping and its bias against B. The bias must be almost 0.
     take(&mut stage, "click Compare; click Show; click Wipe; key Period");
     let against = last(&mut stage).sides;
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
-    // A region must contain fewer pixels than the picture. A layer that shows measured values can be displayed.
+    // Metrics of a region must use fewer pixels than metrics of the whole picture. Afterwards, the test displays a layer that shows measured values.
     stage.model().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
     take(&mut stage, "key Period");
     assert!(last(&mut stage).sides[0].expect("terrain").terrain < a.terrain / 4);
@@ -572,7 +573,7 @@ fn the_machine_shows_what_each_stage_reported() {
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
-        // In the far view only the nodes matter, so one cheap variant is enough.
+        // One cheap variant is enough for the view `vista`, because the test uses this view only to check the nodes.
         stage.model().settings.frame.variant = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.model().shown().expect("a picture").clone();
@@ -619,14 +620,14 @@ fn the_machine_shows_what_each_stage_reported() {
 
 #[test]
 fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
-    // Uses one variant with random choices, so that its pixels differ from those of the exact blend.
+    // The test uses one variant with random choices, so that its pixels differ from those of the exact blend.
     let mut stage = standing(Some(Variant::only(Flavour::NearCliff)));
     stage.model().viewpoint = Viewpoint::Camera("cliff".to_owned());
     stage.settle().expect("a picture");
     let before = stage.model().shown().expect("a picture").texels.clone();
     take(&mut stage, "click Inspector");
     assert!(stage.model().shown().expect("a picture").pixel.is_none());
-    // Selects a pixel by the keyboard.
+    // Select a pixel with the keyboard.
     let size = stage.model().shown().expect("a picture").wish.size;
     let on: Vec<bool> = stage.model().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
     let at = |index: usize| [index % size[0] as usize, index / size[0] as usize];
@@ -644,7 +645,7 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     assert_eq!(stage.model().shown().expect("a picture").pixel.as_ref(), Some(pixel));
     take(&mut stage, "click Let go");
     assert_eq!((stage.model().probe, stage.model().shown().expect("a picture").pixel.is_none()), (None, true));
-    // Selects the pixel in the middle of the viewport by the mouse. A drag only turns the camera and selects nothing.
+    // Select the pixel in the middle of the viewport with the mouse. A drag only turns the camera and selects nothing.
     take(&mut stage, "click Compare; click Show; click Only A");
     stage.drag([40.0, 0.0]).expect("a picture");
     assert_eq!(stage.model().probe, None);
@@ -657,14 +658,14 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
 const NOT_CLICKED: [(&str, &str); 4] = [
     // Compiling all variants takes long.
     ("Variant ", "variants_are_forced_by_clicks_and_keys_and_undone"),
-    // The window does not say what these change.
+    // In this test, clicks on these controls would change neither a text in the window nor the saved state.
     ("Restart", "live_metrics_tell_noise_that_stands_from_noise_that_flickers"),
     ("Cancel run", "a_view_on_screen_is_saved_run_stopped_and_gone_on_with"),
     // Arrows of the row of tabs, which disappear when the row is scrolled to its end.
     ("Scroll tabs", "none: they belong to the library of panes"),
 ];
 
-/// Steps after which a control has something to do.
+/// Pairs of a control that has no effect at first, and steps after which a click on this control has an effect.
 const PREPARED: [(&str, &str); 4] = [
     ("Material grass", "click Material meadow"),
     ("Swap A and B", "key 2"),
@@ -674,8 +675,8 @@ const PREPARED: [(&str, &str); 4] = [
 
 #[test]
 fn no_control_is_without_effect() {
-    // A click on a control must change what a screen reader says about the window, or the state that is saved. Idle drawings of the window must change
-    // neither; otherwise, a control without effect would not be noticed.
+    // A click on a control must change what a screen reader says about the window, or the state that is saved. Drawing the window without input must
+    // change neither; otherwise, the test would not notice a control without effect.
     let results = Folder::new("controls");
     let mut stage = cheap_stage();
     let panes: Vec<&str> = Pane::ALL.into_iter().map(Pane::name).collect();
@@ -698,7 +699,7 @@ fn no_control_is_without_effect() {
                 take(&mut stage, steps);
             }
             let began = Instant::now();
-            // What an earlier click started, such as opening a dialog, must end first.
+            // Wait until an action that an earlier click started, such as opening a dialog, has ended.
             let mut before = state(&mut stage);
             let is_idle = (0..50).any(|_| {
                 let earlier = std::mem::replace(&mut before, state(&mut stage));
@@ -720,7 +721,7 @@ fn no_control_is_without_effect() {
     assert!(tried.len() > 60, "only {} controls", tried.len());
 }
 
-/// What a screen reader says about the window, and the state that is saved.
+/// Returns the texts that a screen reader says about the window, and the settings and viewpoint, which are saved.
 fn state(stage: &mut Stage) -> (Vec<String>, String) {
     stage.settle().expect("a picture");
     let model = stage.model();

@@ -440,8 +440,8 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
         let (x, y) = (at(k % SIDE), at(k / SIDE));
         let h = world.height_m(x, y);
         let slope = ((world.height_m(x + 0.5, y) - h) / 0.5).hypot((world.height_m(x, y + 0.5) - h) / 0.5).atan().to_degrees();
-        // The slope for cliffs is measured over 12 m, so that the side of a boulder does not count as a cliff. A slope above 2 means a face with a
-        // height of about 25 m or more.
+        // The slope for cliffs is measured over 12 m, so that the side of a boulder does not count as a cliff. A slope (tangent) above 2 over 12 m
+        // means a face with a height of about 25 m or more.
         let broad = ((world.height_m(x + 6.0, y) - world.height_m(x - 6.0, y)) / 12.0)
             .hypot((world.height_m(x, y + 6.0) - world.height_m(x, y - 6.0)) / 12.0);
         steep += usize::from(broad > 2.0);
@@ -493,13 +493,13 @@ fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
 #[test]
 fn no_lod_draws_crests_and_edges_as_combs() {
     let world = alps();
-    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn beyond a distance of 4 km, where a tooth is only one or
-    // two pixels large.
+    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. Large pictures use LOD 5 beyond a distance of 4 km, where a tooth is
+    // only one or two pixels high.
     for (lod, most) in [(2, 11.0), (3, 13.0), (4, 9.5), (5, 33.0)] {
         let found = teeth(|x, y| world.height_m(x, y), lod);
         assert!(found < most, "LOD {lod}: {found} teeth in 10 000 vertices");
     }
-    // Negative control: fins 6 m wide, 30 m tall and 80 m apart, oblique to the grid.
+    // Negative control: fins that are oblique to the grid and 30 m tall. Along x, they are 6 m wide and 80 m apart.
     let fins = |x: f64, y: f64| {
         let across = (x + 0.7 * y + 1e5).rem_euclid(80.0) - 40.0;
         world.height_m(x, y) + 30.0 * (1.0 - across.abs() / 3.0).max(0.0)
@@ -522,7 +522,7 @@ fn rules_pick_the_heaviest_and_noise_covers_its_share() {
     let scene = scene::parse(&text, "test scene", Path::new(".")).expect("valid");
     let rules = kernels::world::rules::Rules::new(&scene);
     assert_eq!(rules.material_at(0.0, 60.0, 0.0, 1.0, 1.0), 2);
-    // The weight of 9 falls linearly over the fade of 10 degrees. It is 4.5 at 35 degrees, and zero at 29.9 degrees.
+    // Below 40 degrees, the weight 9 of granite falls linearly over the fade of 10 degrees. It is 4.5 at 35 degrees, and 0 at 29.9 degrees.
     assert!((rules.weights_at(0.0, 35.0, 0.0, 1.0, 1.0)[2] - 4.5).abs() < 1e-12);
     assert_ne!(rules.material_at(0.0, 29.9, 0.0, 1.0, 1.0), 2);
     assert_eq!(rules.material_at(0.0, 0.0, 0.15, 1.0, 1.0), 0, "convex");

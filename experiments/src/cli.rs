@@ -38,7 +38,7 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Run the small version of experiments; fail if a result is outside its expected range
     Check(CheckArgs),
-    /// Measure the ratios of times for which the design has targets, in one run
+    /// Measure times on the built-in world, and print ratios of times with their targets
     Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
@@ -244,7 +244,8 @@ pub(crate) struct ImportArgs {
     /// procedural
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
-    /// Edge of one repeat of all textures, metres; without this option, as the names of folders or files state it, or as is usual
+    /// Edge of one repeat of all textures, metres [default: as stated in the names of folders or files, or the usual size for the kind of
+    /// ground]
     #[arg(long, value_name = "M", requires = "materials", allow_hyphen_values = true, value_parser = tile_size)]
     pub(crate) tile_size: Option<f64>,
     /// Width and height of a .raw, .r16 or .r32 file; without this option, the file must be square
@@ -256,13 +257,13 @@ pub(crate) struct ImportArgs {
     /// Channel of an OpenEXR file that holds the heights, with or without part and layer: part.layer.channel
     #[arg(long, value_name = "NAME")]
     pub(crate) channel: Option<String>,
-    /// Sample value, as it is stored, that means that there are no data; may be given several times. `none`: each number is ground
+    /// Stored sample value that marks missing data; may be given several times. `none`: no value marks missing data
     #[arg(long, value_name = "V|none", allow_hyphen_values = true, value_parser = no_data)]
     pub(crate) no_data: Vec<NoDataArg>,
-    /// Fill samples without data with a smooth membrane that is fastened to the rim of each gap
+    /// Fill gaps (samples without data) with a smooth surface that meets the heights at the rim of each gap
     #[arg(long)]
     pub(crate) fill_voids: bool,
-    /// Open the ground where samples have no data (at most 512 samples)
+    /// Make holes in the ground where samples have no data (at most 512 samples)
     #[arg(long, conflicts_with = "fill_voids")]
     pub(crate) holes: bool,
     /// Read only this part: left, top, width, height, in samples
@@ -283,7 +284,7 @@ pub(crate) struct ImportArgs {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NoDataArg {
     Value(f64),
-    /// Each number is ground.
+    /// No value marks missing data: each number is an elevation.
     Nothing,
 }
 
@@ -388,7 +389,7 @@ pub(crate) struct CompareArgs {
     /// Compare only terrain pixels, whose alpha in B is 1; elsewhere A is set equal to B before flip and ssim are computed
     #[arg(long)]
     pub(crate) terrain: bool,
-    /// Write a map of FLIP errors in the magma colour map (0 is black, 1 pale yellow), for any --metric
+    /// Write a map of FLIP errors in the magma colour map (0 is black, 1 pale yellow), even if --metric does not list flip
     #[arg(long, value_name = "FILE.png", value_parser = png)]
     pub(crate) map: Option<PathBuf>,
     /// Pixels per degree of the viewer's field of view, for flip, 4 to 400

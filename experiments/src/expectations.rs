@@ -47,9 +47,10 @@ fn short(value: f64) -> String {
 
 /// Returns a verdict for each expectation, in order.
 ///
-/// The value is the mean over the rows of the metric that match `where`. If `over` is given, this mean is divided by a second mean. Its rows match
-/// `where` after the columns in `over` have replaced those in `where`. If no `frame` is given and the metric has rows over all frames, only these
-/// rows are used. An expectation is not met if a selection has no rows, a mean is not finite, or the divisor is 0.
+/// `where` and `over` are keys of an expectation; they give values of columns. The value is the mean over the rows of the metric that match
+/// `where`. If `over` is given, this mean is divided by a second mean. The rows of the second mean match the columns in `over`, and those
+/// columns of `where` that `over` does not contain. If no `frame` is given and the metric has rows over all frames, only these rows are
+/// used. An expectation is not met if a selection has no rows, a mean is not finite, or the divisor is 0.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }
@@ -108,7 +109,7 @@ fn agrees(row: &Row, column: &str, value: &Value) -> bool {
         Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
         Some(Field::Number(get, _)) => {
             let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
-            // Definitions give the centre of a frequency band with few digits, so a small difference is accepted.
+            // A definition gives the centre of a frequency band as a decimal number, so a difference of one millionth is accepted.
             get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
         }
         Some(Field::Value(..)) | None => false,

@@ -1,7 +1,7 @@
 //! Experiments on the terrain renderer. The library contains their definitions ([`definition`]), the numbers that they measure ([`row`]), the folders
 //! in which these numbers are stored ([`store`]), and the command line.
 //!
-//! The program is [`main`]. Everything else is a library that other applications can use to run the same experiments.
+//! [`main`] is the program. The public modules are a library, with which other applications can run the same experiments.
 
 pub mod definition;
 pub mod expectations;

@@ -15,7 +15,7 @@ pub enum Needs {
     Clock,
 }
 
-/// The column that distinguishes the rows of a metric, in addition to the columns that identify the choice and the frame.
+/// The column that distinguishes the rows of a metric that agree in view, variant, estimator, noise, temporal resolve, setting and frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// No additional column.

@@ -33,7 +33,7 @@ pub(crate) fn report_panics() {
     }));
 }
 
-/// Returns the whole chain of an error on one line.
+/// Returns an error and its causes on one line.
 pub(crate) fn error_line(error: &anyhow::Error) -> String {
     let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
     one_line(&chain.join(": "))

@@ -107,7 +107,7 @@ impl SceneArgs {
     /// Returns the scene named `name` with these settings applied.
     ///
     /// # Errors
-    /// The scene cannot be read, does not have such a setting, or is invalid with these settings.
+    /// The scene cannot be read, one of the settings does not apply to it, or it is invalid with the new values.
     pub(crate) fn scene(&self, name: &str) -> Result<Scene> {
         let mut scene = scene::load(name)?;
         for (key, value) in &self.settings {

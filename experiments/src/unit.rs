@@ -113,8 +113,8 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// Converts a text to a component of a file name. Characters other than ASCII letters, digits, `-`, `_`, `+` and `.` are replaced by `_`. The text is
-/// cut after 30 characters, so that six components fit into a file name.
+/// Converts a text to a component of a file name. Characters other than ASCII letters, digits, `-`, `_`, `+` and `.` are replaced by `_`.
+/// The text is cut after 30 characters, so that six components, the most that `plan` joins, fit into a file name.
 fn file_word(text: &str) -> String {
     text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
 }

@@ -16,9 +16,9 @@ pub enum Flavour {
     VirtualTexture = 1,
     /// Albedo and normal that were baked into the data of a quadtree node.
     FarAtlas = 2,
-    /// Three alpha-blended projections, each with one random splat material.
+    /// Three blended projections, each with one random splat material.
     NearCliff = 4,
-    /// Two alpha-blended tilings, each with one random projection and one random material.
+    /// Two blended tilings, each with one random projection and one random material.
     FarCliff = 8,
     /// Three projections of four splat materials, all blended.
     Splat = 16,
@@ -33,7 +33,7 @@ impl Flavour {
         self as u8
     }
 
-    /// The flavour's index in arrays of five.
+    /// The flavour's index in arrays with one entry per flavour, 0..=4.
     pub const fn index(self) -> usize {
         self.bit().trailing_zeros() as usize
     }

@@ -98,8 +98,8 @@ fn run(args: &Args) -> Result<()> {
     };
     let open = |cc: &eframe::CreationContext<'_>| {
         still(&cc.egui_ctx);
-        // Under a light system theme, panes would use the light theme's text colour on a dark background. Also, pictures are judged on a dark
-        // background.
+        // Use the dark theme even if the system has a light one. Otherwise, panes would show the dark text of the light theme on a dark background.
+        // Pictures are also easier to judge on a dark background.
         cc.egui_ctx.set_theme(egui::Theme::Dark);
         let mut app = Workbench::new(&cc.egui_ctx, scene, shaders);
         app.model.come_from(&name);

@@ -148,7 +148,7 @@ impl Stage {
         self.harness.state_mut()
     }
 
-    /// What the panels show and change.
+    /// The state that the panels show and change.
     pub fn model(&mut self) -> &mut Model {
         &mut self.harness.state_mut().model
     }

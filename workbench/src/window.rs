@@ -1,5 +1,5 @@
-//! The window: panels around a picture. It asks the drawing thread for the picture that the model describes, and copies the latest state of the
-//! thread into the model.
+//! The window: panels around a picture. The window sends the requests of the model to the drawing thread, and copies the latest report of the thread
+//! into the model.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::panels::{self, Panels};
 /// The application.
 pub struct Workbench {
     engine: Engine,
-    /// What the panels show and change.
+    /// The state that the panels show and change.
     pub model: Model,
     panels: Panels,
     asked: Option<Wish>,
@@ -53,7 +53,7 @@ impl Workbench {
         self.engine.warm();
     }
 
-    /// Copies the latest state of the drawing thread into the model, and a new picture into textures.
+    /// Copies the latest report of the drawing thread into the model, and a new picture into textures.
     fn listen(&mut self, ctx: &egui::Context) {
         self.model.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
         let before = self.model.news.shown.take();

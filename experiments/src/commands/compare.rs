@@ -36,7 +36,7 @@ struct Answer<'a> {
     ssim: Option<Option<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     map: Option<&'a Path>,
-    /// What the files say about their pixels, as far as the metrics depend on it. Absent if there is nothing to say.
+    /// Notes about properties of the files that affect the metrics; absent if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<Note>,
 }

@@ -40,7 +40,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     let understood = scene_folder::examine(&args.heightmap, &options(args), &stopped)?;
     let Some(out) = args.out.as_deref().filter(|_| !args.dry_run) else {
         print(&format!("{understood}\n"))?;
-        // What cannot be used is listed above; the error says how to mend it.
+        // The printed text lists materials that cannot be used. If there is one, `check` returns an error that says how to fix it.
         understood.check()?;
         return print("dry run: nothing is written\n");
     };

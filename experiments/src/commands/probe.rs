@@ -16,7 +16,7 @@ use self::text::Text;
 use super::{check_output_file, print, print_json};
 use crate::cli::{On, ProbeArgs};
 
-/// Largest number of characters of a header in an error.
+/// Limit of the number of characters of a table's header in an error message.
 const HEADER: usize = 200;
 
 #[derive(Serialize)]
@@ -33,7 +33,7 @@ struct Table {
     rows: Vec<csv::StringRecord>,
     /// The values of the probe's input columns, row by row. Their order is that of the probe's list of columns.
     values: Vec<f64>,
-    /// In which way the table differs from UTF-8 text with commas between cells and decimal points; empty if in none.
+    /// Descriptions of the differences from a table in UTF-8 with commas between cells and with decimal points; empty if there are none.
     differs: Vec<String>,
 }
 
@@ -162,8 +162,8 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
     Ok(Table { header, rows, values, differs: differs.into_iter().flatten().collect() })
 }
 
-/// Reads a number, and says whether it has a decimal comma. Spreadsheets separate cells by `;` where the decimal sign is a comma, so only such tables may
-/// have decimal commas; elsewhere `1,234` may be a large number, too.
+/// Parses a number. Also returns whether it has a decimal comma. Decimal commas are accepted only if `;` separates the cells, as in tables
+/// of spreadsheets whose decimal sign is a comma. In other tables, the comma in `1,234` could also separate thousands.
 fn number(cell: &str, delimiter: u8) -> Result<(f64, bool), String> {
     if let Ok(value) = cell.parse() {
         return Ok((value, false));
@@ -178,10 +178,10 @@ fn number(cell: &str, delimiter: u8) -> Result<(f64, bool), String> {
 }
 
 impl Decimals {
-    /// Notes which decimal sign a number has.
+    /// Records which decimal sign a number has.
     ///
     /// # Errors
-    /// Other numbers of the table have another one, so one of them may separate thousands.
+    /// The table contains both decimal points and decimal commas. One of the two could be a separator of thousands.
     fn note(&mut self, cell: &str, has_comma: bool, line: u64) -> Result<(), String> {
         if has_comma {
             self.comma.get_or_insert(line);

@@ -140,7 +140,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             export::write_exr(&file, &picture)?;
         }
         let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
-        // `tiles[0]` counts all tiles, and `tiles[i]` counts the tiles of variant i.
+        // `tiles[0]` counts all tiles that show terrain, and `tiles[i]` counts the tiles of variant i.
         let tiles = Variant::all().zip(picture.report.tiles.iter().skip(1)).filter(|(_, count)| **count > 0);
         let tiles = tiles.map(|(variant, &count)| (variant.to_string(), count.into())).collect();
         summary.frames.push(FrameSummary { frame, file, gpu_ms, fetches_per_px: picture.fetches_per_px, tiles });

@@ -49,8 +49,8 @@ pub struct Definition {
     /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
     #[serde(default)]
     pub seeds: u32,
-    /// The variants: their names, their numbers as text, `auto`, `generic`, or `all` for all 31 variants. A variant is a set of flavours, which are
-    /// the ways of shading terrain.
+    /// The variants: names or numbers (as text), `generic-` and a name or number, `auto`, `generic`, or `all` for all 31 variants. A
+    /// variant is a set of flavours, which are the ways of shading terrain.
     pub variants: Vec<String>,
     /// Estimators of the stochastic flavours. An estimator is a method that computes or approximates the blend of materials.
     #[serde(default = "default_estimators")]
@@ -70,14 +70,14 @@ pub struct Definition {
     /// Names of the metrics that are measured; empty = all metrics.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
-    /// Whether to keep the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are kept for single flavours,
-    /// for `auto` and `generic`, and for the reference.
+    /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are stored for
+    /// single flavours, for `auto` and `generic`, and for the reference.
     #[serde(default)]
     pub video: bool,
     /// The number of samples per pixel that the reference takes.
     #[serde(default)]
     pub reference: Reference,
-    /// Which combinations are timed.
+    /// Which combinations of variant, estimator and noise are timed.
     #[serde(default)]
     pub times: Times,
     /// Changes of the definition that make `check` quick.
@@ -103,7 +103,7 @@ fn default_temporal() -> Vec<String> {
     vec!["off".to_owned()]
 }
 
-/// A heightmap to import before the run; the keys are those of `experiments import`.
+/// A heightmap to import before the run. Its keys correspond to options of `experiments import`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
@@ -112,7 +112,8 @@ pub struct Import {
     /// Sample spacing, metres. It is not needed if the file states it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metres_per_texel: Option<f64>,
-    /// Elevations of the smallest and the largest sample value, metres. They are not needed if the file stores metres, or states what its samples mean.
+    /// Elevations of the smallest and the largest possible integer sample, or of the float samples 0 and 1, metres. They are not needed if
+    /// the samples are metres, or if the file states their unit or scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
     /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as in
@@ -182,7 +183,8 @@ impl Default for Reference {
     }
 }
 
-/// Which combinations are timed. Times are stored separately from other metrics, because a repeated run gives different times.
+/// Which combinations of variant, estimator and noise are timed. Times are stored separately from other metrics, because a repeated run
+/// gives different times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Times {

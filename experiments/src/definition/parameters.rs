@@ -101,7 +101,7 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
     }
 }
 
-/// A heightmap to import. Its file names are resolved: they are absolute, or relative to the current folder.
+/// An import with resolved file names: they are absolute, or relative to the current folder.
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,

@@ -283,7 +283,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
             Motion::Zoom => 170.0,
         };
         step.within(view.step, -limit, limit)?;
-        // Only a step of exactly 0 leaves the camera at rest.
+        // A step that is smaller than the smallest normal number counts as 0. Any larger step moves the camera.
         if view.step.abs() < f64::MIN_POSITIVE {
             step.fail(format!("is 0, so nothing moves: remove this [[view]], and name the camera `{}` in `views` instead", view.camera))?;
         }
@@ -545,7 +545,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         _ => Vec::new(),
     };
     match known.field {
-        // Any name is accepted for the scene, because its name is not known before the scene is loaded.
+        // Any name of a scene is accepted, because the name of an imported scene is not known before the import.
         Field::Text(..) if column == "scene" => Ok(()),
         Field::Text(..) => among(column, &names.iter().map(String::as_str).collect::<Vec<_>>()),
         Field::Count(..) => {

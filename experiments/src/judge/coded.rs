@@ -1,4 +1,5 @@
-//! Pictures in PNG and JPEG files: decodes the samples as the file says, and records what it says beyond that.
+//! Reads pictures from PNG and JPEG files. The samples are decoded as the file states, and other facts that can affect a comparison are
+//! recorded.
 
 use std::io::{BufRead, Read, Seek};
 
@@ -15,7 +16,7 @@ use super::picture::{Content, Image, Origin};
 /// Reads a picture.
 ///
 /// # Errors
-/// In words, without the name of the file.
+/// The message is one clause that does not contain the name of the file.
 pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Result<Image, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
     let Some(format) = ImageReader::new(&mut input).with_guessed_format().map_err(unreadable)?.format() else {
@@ -49,7 +50,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
     let mut texels: Vec<[f32; 3]> = encoded.pixels().map(|p| [p[0], p[1], p[2]].map(linear)).collect();
     let converted_from = colours.primaries.map(|stated| convert(&mut texels, stated)).transpose()?;
     let ignored = match (colours.code_points, profile) {
-        // PNG (third edition), "Color chunk precedence": code points count before a profile.
+        // PNG (third edition), "Color chunk precedence": code points take precedence over a profile.
         (Some(points), _) => (!points.is_srgb).then_some(points.text),
         (None, Some(profile)) => unapplied_profile(&profile),
         (None, None) => None,
@@ -84,7 +85,7 @@ fn check_size(width: u32, height: u32) -> Result<(), String> {
     }
 }
 
-/// How a picture is turned by its orientation.
+/// Describes how the orientation in the file turns the picture; `None` = not at all.
 fn words(orientation: Orientation) -> Option<&'static str> {
     match orientation {
         Orientation::NoTransforms => None,

@@ -1,5 +1,4 @@
-//! What the files of two pictures say about their pixels, as far as the metrics depend on it: which pixels cannot be compared, and what a reader of the
-//! numbers must know.
+//! Facts about the files of two pictures that affect the metrics: pixels that cannot be compared, and notes for readers of the numbers.
 
 use std::path::Path;
 
@@ -10,11 +9,11 @@ use super::Metric;
 use super::picture::{Content, Image};
 use super::windows::Windows;
 
-/// A value counts as outside 0..=1 if it is farther outside than this. Less than that changes an 8-bit sRGB code by less than half a step: the encoding
-/// has a slope of 12.92 at 0 and of 0.44 at 1.
+/// A value is reported as outside 0..=1 only if its distance from this range is larger than this number. If a value is nearer to the range,
+/// clamping changes its 8-bit sRGB code by less than half a step, because the slope of the encoding is 12.92 at 0 and 0.44 at 1.
 const CLAMP_TOLERANCE: f32 = 1e-4;
 
-/// A fact about the files on which the metrics depend.
+/// A fact about the files that affects the metrics.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Note {
     /// The subject: `layer`, `window`, `primaries`, `gamma`, `colours`, `orientation`, `aspect`, `compression`, `precision`, `alpha` or `clamped`.
@@ -23,7 +22,7 @@ pub struct Note {
     pub text: String,
 }
 
-/// One side of a comparison.
+/// One side of a comparison: the test or the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Side<'a> {
     /// The file.
@@ -32,11 +31,12 @@ pub struct Side<'a> {
     pub image: &'a Image,
 }
 
-/// Checks that the two pictures, which have the same size, can be laid on top of each other: their display windows must lie at the same place, and where
-/// only one file stores pixels, they must be black, because the pixels of the other are shown as black. Pixels for which `mask` is false do not count.
+/// Checks that two pictures of the same size can be compared pixel by pixel. Their display windows must lie at the same place. If only one
+/// of the files stores a pixel, its value must be black, because viewers show black where a file stores no pixel. Pixels for which `mask`
+/// is false are not checked.
 ///
 /// # Errors
-/// The display windows lie at different places, or such pixels are not black. The message names both windows.
+/// The display windows lie at different places, or a pixel that only one file stores is not black. The message names both windows.
 pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Result<()> {
     if let (Some(a), Some(b)) = (test.image.origin.windows, reference.image.origin.windows)
         && a.display.position != b.display.position
@@ -78,8 +78,8 @@ pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>)
     )))
 }
 
-/// Returns what a reader of the metrics must know about the files, in a fixed order; nothing if both files say nothing special. Pixels for which `mask`
-/// is false do not count. The two pictures have the same size and content.
+/// Returns notes about the properties of the files that affect the metrics, in a fixed order; empty if there are none. Pixels for which
+/// `mask` is false are ignored. The two pictures must have the same size and content.
 pub fn notes(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>, metrics: &[Metric]) -> Vec<Note> {
     let mut notes: Vec<Note> = [test, reference].into_iter().flat_map(of_file).collect();
     notes.extend(precision(test, reference));
@@ -92,7 +92,7 @@ fn counts(mask: Option<&[bool]>, index: usize) -> bool {
     mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false))
 }
 
-/// What one file says for itself.
+/// Returns the notes that depend on only one of the two files.
 fn of_file(side: Side<'_>) -> Vec<Note> {
     let (name, origin) = (side.file.display(), &side.image.origin);
     let mut notes = Vec::new();
@@ -120,7 +120,7 @@ fn of_file(side: Side<'_>) -> Vec<Note> {
     notes
 }
 
-/// 8 bits on one side only.
+/// Returns a note if one of the files has 8-bit samples and the other has floats.
 fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     let (codes, floats) = match (test.image.origin.bits, reference.image.origin.bits) {
         (Some(8), None) => (test, reference),
@@ -135,14 +135,14 @@ fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     Some(Note { about: "precision", text })
 }
 
-/// Alpha, which no metric compares: where it differs, and whether only one of the files has colours that are multiplied by it. A picture without alpha is
-/// opaque.
+/// Returns a note about alpha, which no metric compares. It gives the number of pixels with different alpha. If only one of the files has
+/// colours that are multiplied by alpha, it also gives the number of pixels that are not opaque. A picture without alpha is opaque.
 fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<Note> {
     if test.image.content != Content::Colour {
         return None;
     }
     let of = |side: Side<'_>, index: usize| side.image.alpha.as_ref().map_or(1.0, |alpha| alpha.get(index).copied().unwrap_or(1.0));
-    // Half a code, if one of them has 8-bit codes.
+    // If one of the files has 8-bit codes, rounding alone can cause a difference of half a code.
     let tolerance = if [test, reference].iter().any(|side| side.image.origin.bits == Some(8)) { 1.0 / 510.0 } else { 0.0 };
     let compared = (0..test.image.texels.len()).filter(|index| counts(mask, *index));
     let differs = |index: usize| {
@@ -151,7 +151,7 @@ fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<N
     };
     let count = compared.clone().filter(|index| differs(*index)).count();
     let differing = (count > 0).then(|| format!("alpha differs in {count} pixels, and is not compared"));
-    // Colours of opaque pixels are the same in both conventions.
+    // For opaque pixels, it makes no difference whether colours are multiplied by alpha.
     let is_clear = |index: usize| of(test, index) < 1.0 || of(reference, index) < 1.0;
     let conventions_differ = test.image.origin.multiplied_by_alpha != reference.image.origin.multiplied_by_alpha;
     let clear = if conventions_differ { compared.filter(|index| is_clear(*index)).count() } else { 0 };
@@ -164,7 +164,7 @@ fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<N
     (!texts.is_empty()).then(|| Note { about: "alpha", text: texts.join("; ") })
 }
 
-/// Values that the sRGB encoding clamps.
+/// Returns a note about values outside 0..=1, which are clamped before the sRGB encoding.
 fn clamped(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>, metrics: &[Metric]) -> Option<Note> {
     let affected: Vec<&str> = metrics.iter().filter(|metric| metric.needs_colour()).map(|metric| metric.name()).collect();
     if affected.is_empty() || test.image.content != Content::Colour {

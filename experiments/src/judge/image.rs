@@ -1,4 +1,4 @@
-//! Reads pictures that are compared: OpenEXR with layers, PNG and JPEG.
+//! Reads the pictures to be compared: OpenEXR with layers, PNG and JPEG.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read as _, Seek};
@@ -14,15 +14,16 @@ impl Image {
     ///
     /// PNG and JPEG are decoded from sRGB, or with the exponent and primaries that a PNG states (gAMA, cHRM), and turned as their EXIF orientation says.
     ///
-    /// The pixels of OpenEXR are laid into the display window. `layer` selects the layer: the layer `albedo` has the channels `albedo.R`, `albedo.G`,
-    /// `albedo.B`, or it is the part of this name. If `layer` is `None`, the channels R, G, B that belong to no layer are read or, if there are none, those
-    /// of the only layer that has them. A layer must have the channels R G B, the channels X Y Z, or a single channel. Colours are converted to the
-    /// primaries of Rec. 709, which are those of sRGB.
+    /// The pixels of OpenEXR are placed in the display window. `layer` is the name of a layer. For example, the layer `albedo` has the
+    /// channels `albedo.R`, `albedo.G` and `albedo.B`, or the channels R, G and B of the part `albedo`. If `layer` is `None`, the channels
+    /// R, G and B that belong to no layer are read or, if there are none, those of the only layer that has them. A layer must have the
+    /// channels R G B, the channels X Y Z, or a single channel. Colours are converted to the primaries of Rec. 709, which are those of
+    /// sRGB.
     ///
     /// # Errors
-    /// The file does not exist or is not a picture, is damaged or of an unsupported kind, has no such layer or more than one that could be meant (the
-    /// message names the layers that exist), stores no pixel of its display window, has more than 2^26 pixels, or contains values that are NaN or infinite
-    /// (the message says how many, and where the first one is).
+    /// The file does not exist or is not a picture, is damaged or of an unsupported kind, has no layer or several layers to which `layer`
+    /// can refer (the message names the layers that exist), stores no pixel of its display window, has more than 2^26 pixels, or contains
+    /// values that are NaN or infinite (the message says how many, and where the first one is).
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
@@ -131,7 +132,7 @@ mod tests {
         e::Image::from_layers(attributes, parts).write().to_file(&file.0).unwrap();
         let first = |layer: &str| Image::read(&file.0, Some(layer)).unwrap().texels[0];
         assert_eq!((first("beauty"), first("albedo"), first("ALBEDO")), ([1.0; 3], [2.0; 3], [2.0; 3]));
-        // Neither part is the picture itself.
+        // Both parts have names, so neither is the picture itself.
         let refused = Image::read(&file.0, None).unwrap_err().to_string();
         assert!(refused.contains("2 layers that could be compared, beauty, albedo") && refused.contains("--layer"), "{refused}");
         assert_eq!(Image::read(&file.0, Some("albedo")).unwrap().terrain(), None);
@@ -150,11 +151,11 @@ mod tests {
         };
         let colour = |names: [&'static str; 3]| [(names[0], ramp(1.0)), (names[1], ramp(2.0)), (names[2], ramp(3.0))];
         assert_eq!(first(&colour(["r", "g", "b"])), (Content::Colour, [1.0, 2.0, 3.0], None));
-        // A depth that belongs to no layer does not count before colours.
+        // Colours are preferred, even if a depth channel is the only one that belongs to no layer.
         let beauty = [&colour(["beauty.R", "beauty.G", "beauty.B"])[..], &[("Z", ramp(9.0))]].concat();
         assert_eq!(first(&beauty), (Content::Colour, [1.0, 2.0, 3.0], Some("beauty".to_owned())));
         assert_eq!(first(&[("Y", ramp(4.0)), ("a", ramp(0.0))]), (Content::Value, [4.0; 3], None));
-        // Names that differ in case only: the exact ones count, and none counts if there is no exact one.
+        // If names differ only in case, the exact names are read. A name in a different case is read only if there is no exact one.
         let both = [&colour(["R", "G", "B"])[..], &[("r", ramp(8.0)), ("g", ramp(8.0)), ("b", ramp(8.0))]].concat();
         assert_eq!(first(&both).1, [1.0, 2.0, 3.0]);
         let mixed = [&colour(["x.R", "x.g", "x.b"])[..], &[("x.B", ramp(7.0))]].concat();
@@ -178,14 +179,15 @@ mod tests {
         };
         let display = e::IntegerBounds::new((-1, 0), (3, 2));
         let moved = write((0, -1), display, None).unwrap();
-        // The lower row of samples, moved one column to the right; its last sample is outside.
+        // Only the lower row of samples lies in the display window. It begins one column to the right, and its last sample is outside.
         let black = [0.0; 3];
         assert_eq!(moved.texels, [black, [4.0, 14.0, 24.0], [5.0, 15.0, 25.0], black, black, black]);
         assert_eq!(moved.terrain(), Some(vec![false, true, true, false, false, false]));
         assert_eq!((moved.size, [0, 1, 3].map(|index| moved.stores(index))), ([3, 2], [false, true, false]));
         let refused = write((3, 0), display, None).unwrap_err().to_string();
         assert!(refused.contains("stores 3 x 2 at (3, 0)") && refused.contains("picture of 3 x 2 at (-1, 0)"), "{refused}");
-        // Primaries of XYZ with the white of Rec. 709: the colours are X, Y, Z, and Y is the luminance of Rec. 709.
+        // The chromaticities are the primaries of XYZ with the white of Rec. 709. The channels then contain X, Y and Z, and Y is the
+        // luminance of Rec. 709.
         let point = |x: f32, y: f32| e::Vec2(x, y);
         let xyz = |white: e::Vec2<f32>| e::attribute::Chromaticities {
             red: point(1.0, 0.0),
@@ -198,7 +200,7 @@ mod tests {
         assert_eq!((stated.red, stated.white), ([1.0, 0.0], [0.3127, 0.329]));
         for (texel, green) in converted.texels.iter().zip(ramp(11.0)) {
             let luminance = kernels::base::colour::luminance(texel.map(f64::from));
-            // The weights of luminance have four digits.
+            // The weights in `luminance` have only four digits, so the tolerance is 1e-3.
             assert!((luminance - f64::from(green)).abs() < 1e-3 * f64::from(green), "{texel:?}: {luminance} is not {green}");
         }
         let refused = write((-1, 0), display, Some(xyz(point(0.3127, 0.0)))).unwrap_err().to_string();

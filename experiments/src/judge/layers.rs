@@ -1,7 +1,9 @@
-//! Pictures in OpenEXR files: finds a layer, lays it into the picture that a viewer shows, and converts its colours to the primaries of Rec. 709.
+//! Reads pictures from OpenEXR files: finds a layer, places its pixels in the display window, and converts its colours to the primaries of
+//! Rec. 709.
 //!
-//! A channel belongs to a layer by the part of its name before the last '.' (Technical Introduction to OpenEXR, "Channel names"), and by the name of its
-//! part. Upper and lower case count as equal where that is not ambiguous, because programs write R G B or r g b.
+//! The layer of a channel is given by the text before the last '.' of the channel's name (Technical Introduction to OpenEXR, "Channel
+//! names"), and by the name of the part of the file that contains the channel. Some programs write r g b instead of R G B, so upper and
+//! lower case are treated as equal unless this is ambiguous.
 
 use std::collections::HashMap;
 use std::io::{BufRead, Seek};
@@ -15,7 +17,7 @@ use kernels::frame::MAX_PIXELS;
 use super::picture::{Content, Image, Origin};
 use super::windows::Windows;
 
-/// Largest number of names in an error.
+/// Limit of the number of names in an error message.
 const NAMES: usize = 24;
 
 /// The channels of a layer.
@@ -27,13 +29,15 @@ struct Layer<'a> {
 }
 
 impl<'a> Layer<'a> {
-    /// The channel of this name, if there is one. A name in the same case counts before names in another case.
+    /// Returns the channel with this name; `None` if there is none, or if there are several. A name that is exactly equal takes precedence
+    /// over names that differ in case.
     fn channel(&self, name: &str) -> Option<&'a Channel> {
         let of_name = |is: fn(&str, &str) -> bool| sole(self.channels.iter().copied().filter(move |channel| is(channel.base_name(), name)));
         of_name(|own, name| own == name).or_else(|| of_name(str::eq_ignore_ascii_case))
     }
 
-    /// The channels R G B, X Y Z, or the only channel except A. `None` if the layer has none of these.
+    /// Returns the channels R G B, or else X Y Z, or else the only channel except A, with the meaning of their values. `None` if the layer
+    /// has none of these.
     fn picture(&self) -> Option<(Content, [&'a Channel; 3])> {
         let three = |[a, b, c]: [&str; 3]| Some([self.channel(a)?, self.channel(b)?, self.channel(c)?]);
         if let Some(colour) = three(["R", "G", "B"]) {
@@ -50,22 +54,22 @@ impl<'a> Layer<'a> {
         matches!(self.picture(), Some((Content::Colour, _)))
     }
 
-    /// The layer in words.
+    /// Returns a description of the layer for messages.
     fn title(&self) -> String {
         if self.name.is_empty() { "the picture itself".to_owned() } else { format!("layer `{}`", one_line(&self.name)) }
     }
 }
 
-/// The item of an iterator that has exactly one.
+/// Returns the item of an iterator that has exactly one item; `None` for other iterators.
 fn sole<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
     let first = items.next()?;
     items.next().is_none().then_some(first)
 }
 
-/// Reads a picture. `wanted` = the layer; `None` = the channels that belong to no layer or, if they form no picture, the only layer that does.
+/// Reads a picture. `wanted` is the name of a layer. If it is `None`, `only` chooses the layer.
 ///
 /// # Errors
-/// In words, without the name of the file.
+/// The message is one clause that does not contain the name of the file.
 pub(super) fn read(input: impl BufRead + Seek, wanted: Option<&str>) -> Result<Image, String> {
     let parts = openexr::read_within(input, Limits { side: u32::MAX, pixels: MAX_PIXELS }).map_err(|fault| fault.to_string())?;
     let layers = layers(&parts);
@@ -116,12 +120,12 @@ pub(super) fn read(input: impl BufRead + Seek, wanted: Option<&str>) -> Result<I
 /// Converts linear colours to the primaries of Rec. 709. Returns the primaries that they had.
 ///
 /// # Errors
-/// The chromaticities are no colour space.
+/// The chromaticities do not define a colour space.
 pub(super) fn convert(texels: &mut [[f32; 3]], from: Chromaticities) -> Result<Chromaticities, String> {
     let matrix = from.to_rec_709();
     let matrix = matrix.ok_or_else(|| format!("states chromaticities that are no colour space ({from}): correct them or remove them"))?;
     for texel in texels {
-        // Rounded to f32 as the samples were.
+        // The decoded samples have the precision of f32, so the converted values are rounded to f32, too.
         *texel = (matrix * DVec3::from_array(texel.map(f64::from))).to_array().map(|v| v as f32);
     }
     Ok(from)
@@ -145,7 +149,8 @@ fn layers(parts: &[Part]) -> Vec<Layer<'_>> {
     layers
 }
 
-/// The name of the part is added before the name of the layer, unless the name of the layer already begins with it.
+/// Returns the name of a layer. `prefix` is the text before the last '.' in the names of its channels. The name of the part is put before
+/// `prefix`, unless `prefix` already begins with it.
 fn layer_name(part: &str, prefix: &str) -> String {
     match (part, prefix) {
         (part, "") => part.to_owned(),
@@ -155,7 +160,7 @@ fn layer_name(part: &str, prefix: &str) -> String {
     }
 }
 
-/// The layer of this name.
+/// Returns the layer with this name. A name that is exactly equal takes precedence over names that differ in case.
 fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>, String> {
     let exact: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.name == wanted).collect();
     let alike: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.name.eq_ignore_ascii_case(wanted)).collect();
@@ -172,8 +177,9 @@ fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>,
     }
 }
 
-/// The layer to read if none was asked for: that without a name if it has colour, else the only one with colour. If there is no colour, the same holds
-/// for layers of vectors and values.
+/// Returns the layer that is read if the caller names none. Layers with colours are preferred to layers of vectors and values. Among these
+/// layers, the layer without a name is returned or, if all have names, the only layer. If several layers remain, the function returns an
+/// error.
 fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     let pictures: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.picture().is_some()).collect();
     let colours: Vec<&'l Layer<'a>> = pictures.iter().copied().filter(|layer| layer.is_colour()).collect();
@@ -182,7 +188,7 @@ fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     let candidates = if unnamed.is_empty() { candidates } else { unnamed };
     match candidates.as_slice() {
         [layer] => Ok(*layer),
-        // What is wrong with the first layer is said when its channels are read.
+        // No layer can be read as a picture. The first layer is returned, because the caller then reports the channels that it has.
         [] => layers.first().ok_or_else(|| "has no channel: export it again".to_owned()),
         several if several.iter().all(|layer| layer.name.is_empty()) => {
             Err(format!("has {} parts without a name that could be compared: name the parts, and choose one (--layer)", several.len()))
@@ -195,18 +201,19 @@ fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     }
 }
 
-/// The channel A of the picture itself, also if `layer` has its own part; else that of `layer`.
+/// Returns the channel A of the picture itself, which is the layer without a name or, if all layers have names, the first layer. The
+/// channel may be in a different part than `layer`. If there is no such channel, returns the channel A of `layer`.
 fn alpha<'a>(layers: &[Layer<'a>], layer: &Layer<'a>) -> Option<&'a Channel> {
     let main = if layers.iter().any(|other| other.name.is_empty()) { "" } else { layers.first().map_or("", |first| first.name.as_str()) };
     let of_main = layers.iter().filter(|other| other.name == main);
     let same_part = of_main.clone().filter(|other| std::ptr::eq(other.part, layer.part));
-    // The samples of another part lie elsewhere if its windows differ.
+    // A different part can be used only if it has the same windows. Otherwise its samples belong to different pixels.
     let same_windows =
         |other: &&Layer<'a>| other.part.data_window == layer.part.data_window && other.part.display_window == layer.part.display_window;
     same_part.chain(of_main.filter(same_windows)).find_map(|other| other.channel("A")).or_else(|| layer.channel("A"))
 }
 
-/// Names from a file, as one line. A long list is cut.
+/// Joins names from a file on one line. If there are more than `NAMES`, the rest is only counted.
 fn list<'n>(names: impl ExactSizeIterator<Item = &'n str>) -> String {
     let more = names.len().saturating_sub(NAMES);
     let mut shown: Vec<String> = names.take(NAMES).map(one_line).collect();

@@ -1,4 +1,4 @@
-//! A picture that is compared, and what its file says about it.
+//! A picture to be compared, and the facts about it that its file states.
 
 use kernels::decode::openexr::Chromaticities;
 
@@ -18,15 +18,15 @@ pub enum Content {
 /// A picture, or one layer of it. Its values are linear, and its rows are ordered from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Width and height, pixels: those of the display window of an OpenEXR file.
+    /// Width and height, pixels. For an OpenEXR file, this is the size of the display window.
     pub size: [u32; 2],
     /// The texels. All their values are finite. Pixels that an OpenEXR file does not store are 0.
     pub texels: Vec<[f32; 3]>,
-    /// Alpha of the whole picture (channel A). It is read even if `texels` contains a layer. Not checked: it may be NaN.
+    /// Alpha (channel A) of the picture itself or, if it has none, of the layer in `texels`. It is not checked, so it may be NaN.
     pub alpha: Option<Vec<f32>>,
     /// The meaning of a texel's three numbers.
     pub content: Content,
-    /// What the file says about the texels.
+    /// Facts about the texels that the file states.
     pub origin: Origin,
 }
 
@@ -43,18 +43,19 @@ impl Image {
     }
 }
 
-/// What a file says about a picture, as far as a comparison may depend on it.
+/// Facts about a picture that its file states, and that can affect a comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Origin {
-    /// Name of the layer that was read although no layer was asked for.
+    /// Name of the layer that was read, if the caller did not name one.
     pub layer: Option<String>,
     /// The windows of an OpenEXR file.
     pub windows: Option<Windows>,
     /// The primaries and the white from which the colours were converted to Rec. 709.
     pub converted_from: Option<Chromaticities>,
-    /// The exponent of the encoding, by which the colours were decoded instead of sRGB (PNG gAMA): sample = light^gamma.
+    /// The exponent of the encoding that a PNG states (gAMA): sample = light^gamma. The colours were decoded with it; `None` = from sRGB,
+    /// or they are linear.
     pub gamma: Option<f64>,
-    /// What else the file says about its colours, and what was not applied: an ICC profile, code points (PNG cICP).
+    /// Name of the colour information in the file that was not applied: an ICC profile, or code points (PNG cICP).
     pub ignored: Option<String>,
     /// How the picture was turned because of its EXIF orientation.
     pub turned: Option<&'static str>,

@@ -1,5 +1,5 @@
-//! Computes the power spectrum of a field. It describes how much the values of the field vary at each frequency. White noise has a power of 1 at
-//! every frequency.
+//! Computes the power spectrum of a field. The spectrum describes how much the values of the field vary at each frequency. White noise has
+//! a power of 1 at every frequency.
 //!
 //! Noise that forms blotches has a high power at low frequencies. Blue noise has little power there and hardly forms blotches (Ulichney 1987,
 //! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).

@@ -1,7 +1,8 @@
-//! The two windows of an OpenEXR file: which pixels of the picture the file stores.
+//! The two windows of an OpenEXR file. They determine which pixels of the picture the file stores.
 //!
-//! Technical Introduction to OpenEXR, "Display window, data window": the display window is the picture that a viewer shows, and the data window is the
-//! rectangle for which there are pixels. They may overlap in any way. Viewers show pixels of the picture that are not stored as black.
+//! Technical Introduction to OpenEXR, "Display window, data window": the display window is the picture that a viewer shows, and the data
+//! window is the rectangle for which there are pixels. The windows may overlap in any way. A viewer shows black where the file stores no
+//! pixel of the picture.
 
 use kernels::decode::openexr::Window;
 
@@ -10,15 +11,15 @@ use kernels::decode::openexr::Window;
 pub struct Windows {
     /// Pixels that are stored.
     pub data: Window,
-    /// Pixels that a viewer shows: the picture.
+    /// Pixels that a viewer shows. They are the picture.
     pub display: Window,
 }
 
-/// Columns or rows of the picture, from 0, first (included) and last (excluded).
+/// A range of columns or rows of the picture, counted from 0: the first one, and the one after the last.
 type Range = [u32; 2];
 
 impl Windows {
-    /// The stored part of the picture: its columns and rows. `None` if no pixel of the picture is stored.
+    /// Returns the columns and rows of the picture that are stored; `None` if no pixel of the picture is stored.
     fn stored(&self) -> Option<[Range; 2]> {
         let along = |axis: usize| {
             let [data, display] = [&self.data, &self.display];
@@ -31,17 +32,17 @@ impl Windows {
         Some([along(0)?, along(1)?])
     }
 
-    /// Number of stored pixels of the picture.
+    /// Returns the number of pixels of the picture that are stored.
     fn stored_pixels(&self) -> u64 {
         self.stored().map_or(0, |ranges| ranges.iter().map(|[first, last]| u64::from(last - first)).product())
     }
 
-    /// Number of pixels of the picture that are not stored.
+    /// Returns the number of pixels of the picture that are not stored.
     pub fn missing(&self) -> u64 {
         area(self.display) - self.stored_pixels()
     }
 
-    /// Number of stored pixels that lie outside the picture.
+    /// Returns the number of stored pixels that lie outside the picture.
     pub fn left_out(&self) -> u64 {
         area(self.data) - self.stored_pixels()
     }
@@ -53,8 +54,8 @@ impl Windows {
         self.stored().is_some_and(|[columns, rows]| inside(columns, index % width) && inside(rows, index / width))
     }
 
-    /// Lays samples of the data window into the picture, row by row. The rest of the picture is 0. `None` if no pixel of the picture is stored, or if the
-    /// number of samples is not that of the data window.
+    /// Copies the samples of the data window to their places in the picture, and returns the picture row by row. All other pixels are 0.
+    /// `None` if no pixel of the picture is stored, or if the number of samples is not that of the data window.
     pub(super) fn lay(&self, samples: &[f32]) -> Option<Vec<f32>> {
         let [columns, rows] = self.stored()?;
         if samples.len() as u64 != area(self.data) {
@@ -65,7 +66,8 @@ impl Windows {
         }
         let [width, height] = self.display.size.map(|n| n as usize);
         let mut picture = vec![0.0; width.checked_mul(height)?];
-        // Position of the picture's first column and row in the data window; may be negative.
+        // Returns the index of the picture's first column or row, counted from the first column or row of the data window. It may be
+        // negative.
         let offset = |axis: usize| i64::from(self.display.position[axis]) - i64::from(self.data.position[axis]);
         let from_column = usize::try_from(i64::from(columns[0]) + offset(0)).ok()?;
         let length = (columns[1] - columns[0]) as usize;
@@ -98,9 +100,9 @@ mod tests {
         for (data, display, picture, stored) in [
             // The data window is the picture.
             (([5, -7], [3, 2]), ([5, -7], [3, 2]), vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 6),
-            // Inside the picture, one column from the left and one row from the top.
+            // The data window lies inside the picture, one column from the left and one row from the top.
             (([1, 1], [3, 2]), ([0, 0], [4, 3]), vec![0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0], 6),
-            // Over the left and the lower edge.
+            // The data window extends beyond the left and the lower edge of the picture.
             (([-1, 0], [3, 2]), ([0, -1], [3, 2]), vec![0.0, 0.0, 0.0, 2.0, 3.0, 0.0], 2),
             // The picture is a part of the data window.
             (([-1, -1], [3, 2]), ([0, 0], [1, 1]), vec![5.0], 1),

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::numbers::sidak_limit;
 
-/// The promised and the counted number of fetches of a flavour. The promise is the number of texture samples that the estimator states for the
+/// The promised and the counted number of fetches of a flavour. The promise is the number of fetches that the estimator states for the
 /// flavour.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
@@ -23,8 +23,9 @@ pub(crate) struct GoldenRow {
 const COUNT_TOLERANCE: f64 = 0.01;
 
 impl GoldenRow {
-    /// Compares the counted fetches of a flavour with its promise. `modulated` = whether the scene has colour modulation. With colour modulation, all
-    /// flavours except the virtual texture take one additional sample. For the far atlas, 2 to 3 fetches are accepted in both cases.
+    /// Compares the counted fetches of a flavour with its promise. `modulated` = whether the scene has colour modulation. With colour
+    /// modulation, all flavours except the virtual texture take one additional fetch. For the far atlas, 2 to 3 fetches are accepted in
+    /// both cases.
     pub(crate) fn of(name: String, flavour: Flavour, promise: u32, counted: f64, modulated: bool) -> GoldenRow {
         let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
         let (promised, low, high) = match flavour {
@@ -44,8 +45,8 @@ pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
     (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
 }
 
-/// Checks whether the largest of several biases can be explained by chance. Each row contains a bias, its standard error and its name. `seeds` is the
-/// number of seeds from which each standard error was computed. It determines the limit, see [`sidak_limit`].
+/// Checks whether the largest of several biases can be explained by chance. Each row contains a bias, its standard error and the name of
+/// its choice. `seeds` is the number of seeds from which each standard error was computed. It determines the limit, see [`sidak_limit`].
 pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: u32) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();

@@ -185,7 +185,7 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// Whether a row lies on the two Pareto fronts of its view: cost against error, and cost against flicker.
+/// Whether a row lies on each of the two Pareto fronts of its view: cost against error, and cost against flicker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
     pub(super) error: bool,

@@ -9,7 +9,7 @@ use crate::store::{REPORT_PAGE, REPORT_TEXT};
 /// Tables with at most this many rows are not shortened.
 const WHOLE: usize = 16;
 
-/// Returns the text of the file.
+/// Returns the short report.
 pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> String {
     let definition = &run.definition;
     let question = if definition.question.trim().is_empty() { &definition.name } else { &definition.question };

@@ -40,10 +40,10 @@ pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
     }
 }
 
-/// Returns the limit for the largest of `count` deviations from expected values, in standard errors. If all expectations are right, a deviation
-/// exceeds the limit with a probability of at most 0.1 %. The limit uses Šidák's correction, which remains valid if the estimates share data. Each
-/// standard error is itself an estimate from `seeds` numbers, so the ratio of deviation and standard error follows Student's t distribution with
-/// `seeds` - 1 degrees of freedom. With few seeds, such as 4, this makes the limit large.
+/// Returns the limit for the largest of `count` deviations from expected values, in standard errors. If all expected values are right, the
+/// largest deviation exceeds the limit with a probability of at most 0.1 %. The limit uses Šidák's correction, which remains valid if the
+/// estimates share data. Each standard error is itself an estimate from `seeds` numbers, so the ratio of deviation and standard error
+/// follows Student's t distribution with `seeds` - 1 degrees of freedom. With few seeds, such as 4, this makes the limit large.
 pub(super) fn sidak_limit(count: usize, seeds: u32) -> f64 {
     let each = 1.0 - 0.999f64.powf(1.0 / count.max(1) as f64);
     // The distribution requires more than 0 degrees of freedom, so at least 2 seeds are assumed.

@@ -16,7 +16,7 @@ use crate::row::Row;
 
 /// Number of seeds of the run, from which bias and variance are measured.
 const SEEDS: u32 = 8;
-/// A number that can be multiplied by any factor without a rounding error.
+/// The predicted variance in runs with a fault. It is a power of two, so multiplying it by a factor causes no rounding error.
 const PREDICTED: f64 = 1.0 / 512.0;
 
 /// Changes a sound run so that it has a fault of a given size.
@@ -29,7 +29,7 @@ struct Fault {
     what: String,
     /// A size of the fault at which the check still passes.
     passes: f64,
-    /// A size at which the check fails. It is as close to `passes` as possible.
+    /// A size of the fault at which the check fails. If the check has a threshold, the size is just beyond it.
     fails: f64,
     plant: Plant,
 }
@@ -59,7 +59,8 @@ fn row<'a>(run: &'a mut RunData, metric: &str, variant: &str) -> &'a mut Row {
     found.min_by_key(|row| row.frame).expect("every choice has this metric")
 }
 
-/// Returns the limit for the deviations of bias and variance, in standard errors. It applies to one estimate for each stochastic choice.
+/// Returns the limit for the deviations of bias and variance, in standard errors. The limit depends on the number of estimates, which is
+/// the number of stochastic choices.
 fn limit(run: &RunData) -> f64 {
     let count = run.rows.iter().filter(|row| row.metric == "bias" && row.standard_error > Some(0.0)).count();
     assert!(count > 20, "{count} stochastic choices");
@@ -71,7 +72,7 @@ fn faults() -> Vec<Fault> {
     let mut add = |check: &'static str, what: &str, [passes, fails]: [f64; 2], plant: Plant| {
         all.push(Fault { check, what: what.to_owned(), passes, fails, plant });
     };
-    // The expected range is 2 to 4, both included: 4 passes, 4.0000000000000009 fails.
+    // The expected range is 2 to 4. Both ends pass, and the next numbers beyond them fail.
     let clumping = |run: &mut RunData, value: f64| row(run, "clumping", "auto").value = value;
     add("expectations", "a value above its range", [4.0, 4.0f64.next_up()], Box::new(clumping));
     add("expectations", "a value below its range", [2.0, 2.0f64.next_down()], Box::new(clumping));
@@ -84,7 +85,8 @@ fn faults() -> Vec<Fault> {
     };
     add("references", "a standard error of the reference", [tenth, tenth.next_up()], Box::new(reference));
     add("references", "an unknown standard error", [tenth, f64::NAN], Box::new(reference));
-    // Counts may differ from the promise by 0.01. For near cliff, 12.01 and 11.99 pass, and the next numbers beyond fail.
+    // Counts may differ from the promise by 0.01. For near cliff, 11.99 and 12.01 pass, and the next smaller and the next larger number
+    // fail.
     for flavour in Flavour::ALL {
         let (name, promise) = (flavour.name(), f64::from(Estimator::Fc5.promised_fetches(flavour)));
         let count = move |run: &mut RunData, value: f64| row(run, "fetches_per_px", name).value = value;
@@ -94,11 +96,13 @@ fn faults() -> Vec<Fault> {
             continue;
         }
         add("promises", &format!("too many fetches of {name}"), [high, high.next_up()], Box::new(count));
-        // If all flavours take one more fetch, the scene has colour modulation. If only one flavour takes one more fetch, this is a fault.
+        // In a scene with colour modulation, all flavours except the virtual texture take one more fetch. If only one flavour takes one
+        // more fetch, this is a fault.
         add("promises", &format!("one fetch more of {name}"), [promise, promise + 1.0], Box::new(count));
     }
-    // The far atlas takes 2 to 3 fetches. If it takes 3, the scene has colour modulation, and the other flavours take one more fetch, too: 3.01
-    // passes, the next larger number fails.
+    // For the far atlas, 2 to 3 fetches are accepted, with the same tolerance of 0.01: 3.01 passes, and the next larger number fails. A
+    // scene in which the far atlas takes 3 fetches has colour modulation, so the other flavours, except the virtual texture, take one more
+    // fetch, too.
     let modulated = |run: &mut RunData, value: f64| {
         for flavour in [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat] {
             row(run, "fetches_per_px", flavour.name()).value += 1.0;
@@ -106,7 +110,8 @@ fn faults() -> Vec<Fault> {
         row(run, "fetches_per_px", Flavour::FarAtlas.name()).value = value;
     };
     add("promises", "too many fetches of the far atlas", [3.0 + 0.01, (3.0f64 + 0.01).next_up()], Box::new(modulated));
-    // The largest bias must be less than the limit times its standard error. The sizes are shares of the limit.
+    // The largest bias must be less than its standard error times the number that `limit` returns. The planted bias is this product times
+    // `share`, so a share just below 1 passes, and a share just above 1 fails.
     for sign in [1.0, -1.0] {
         let bias = move |run: &mut RunData, share: f64| {
             let limit = limit(run);
@@ -115,8 +120,8 @@ fn faults() -> Vec<Fault> {
         };
         add("bias", "a bias", [1.0 - 1e-9, 1.0 + 1e-9], Box::new(bias));
     }
-    // The ratio of measured and predicted variance must lie between 0.8 and 1.25, both excluded: 1.2499999999999998 passes, 1.25 fails. The
-    // standard error is 1 % of the variance, so no such deviation is chance.
+    // The ratio of measured and predicted variance must lie between 0.8 and 1.25, both excluded. The standard error is 1 % of the predicted
+    // variance, so chance cannot explain a deviation of 20 % or more.
     let ratio = |run: &mut RunData, ratio: f64| {
         row(run, "variance_theory", "auto").value = PREDICTED;
         let measured = row(run, "variance", "auto");
@@ -124,7 +129,8 @@ fn faults() -> Vec<Fault> {
     };
     add("variance", "a variance that is too large", [1.25f64.next_down(), 1.25], Box::new(ratio));
     add("variance", "a variance that is too small", [0.8f64.next_up(), 0.8], Box::new(ratio));
-    // A ratio of 1.5 passes if its standard error is so large that the deviation is less than the limit. The sizes are shares of the limit.
+    // A ratio of 1.5 lies outside that range. It passes nevertheless if the deviation, divided by its standard error, is less than the
+    // number that `limit` returns. The planted quotient is this number times `share`.
     let deviation = |run: &mut RunData, share: f64| {
         let error = 0.5 * PREDICTED / (share * limit(run));
         row(run, "variance_theory", "auto").value = PREDICTED;
@@ -132,7 +138,7 @@ fn faults() -> Vec<Fault> {
         (measured.value, measured.standard_error) = (1.5 * PREDICTED, Some(error));
     };
     add("variance", "a deviation that is not due to chance", [1.0 - 1e-9, 1.0 + 1e-9], Box::new(deviation));
-    // No number may have two rows. The sizes are numbers of additional rows.
+    // No number may have two rows. The size of this fault is the number of additional rows.
     type IsOfKind = fn(&Row) -> bool;
     let kinds: [(&str, IsOfKind); 7] = [
         ("over all frames", |row| row.metric == "rmse" && row.frame.is_none()),

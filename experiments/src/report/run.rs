@@ -166,8 +166,8 @@ fn query(lines: &[&str]) -> String {
     format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
 }
 
-/// Assigns colours to points and curves. The colour stands for the value of one column of the choice. This is the column with the most different
-/// values, among setting, estimator, noise and temporal resolve.
+/// Assigns colours to points and curves. The colour stands for the value of one column of the choice. Among setting, estimator, noise and
+/// temporal resolve, this is the column with the largest number of different values.
 struct Palette<'a> {
     values: &'a [String],
     of: KeyOf,

@@ -192,8 +192,8 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     let row = |group: &Group<'_>| {
         let Finding { kernel, parameter, measure, .. } = group.first;
         let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        // These two columns combine all measures of a kernel and parameter. To avoid repetition, they are filled only in the row of the first
-        // measure. They are empty if no results were compared with the reference.
+        // The columns `ulp` and `of the tolerance` combine all measures of a kernel and parameter. To avoid repetition, they are filled
+        // only in the row of the first measure. They are empty if no results were compared with the reference.
         let is_first = groups
             .iter()
             .find(|of| of.first.kernel == *kernel && of.first.parameter == *parameter)

@@ -66,7 +66,8 @@ impl Key {
         self.flavours() == Some(1)
     }
 
-    /// Returns the number of flavours of a forced variant; `None` for automatic choices.
+    /// Returns the number of flavours of a variant that is forced in its own pipeline; `None` for `auto`, and for all choices that use the
+    /// generic kernel.
     pub(super) fn flavours(&self) -> Option<usize> {
         self.variant.parse::<Variant>().ok().map(|v| v.flavours().count())
     }
@@ -337,8 +338,9 @@ impl Table {
         };
         let parameter = summaries.iter().map(|s| &s.key.parameter).find(|p| !p.is_empty()).cloned().unwrap_or_default();
         let measured = |metric: Metric| summaries.iter().any(|s| s.value(metric).is_finite());
-        // If the run varies how the screen is divided into tiles, the fetches of whole tiles are the cost. Otherwise the fetches of single pixels are
-        // the cost, because they give more information.
+        // The cost of a choice is its counted fetches. They do not depend on the tiles, because each pixel counts only the fetches that it
+        // takes itself. If the run varies the tiles, the cost is therefore the promised fetches of the tiles' variants. These are also the
+        // cost if fetches were not counted.
         let by_tile = parameter == "frame.tile" || parameter == "frame.classification" || !measured(FETCHES);
         let mut table = Table {
             references: Vec::new(),

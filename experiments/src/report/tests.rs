@@ -59,7 +59,7 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
 type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
 
 fn known(run: &RunData) -> Known {
-    // If a number has no row over all frames, the row of a single frame is used. In these runs there is at most one such row.
+    // If a number has no row over all frames, the row of a single frame is used. In these runs, such a number has only one row.
     let all = || run.rows.iter().chain(&run.times);
     all()
         .filter(|r| r.frame.is_some())
@@ -118,8 +118,8 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             }
         }
     }
-    // The y of a mark must be the value of a row of its choice. The x must be the value of such a row, or the setting, a lag or a frequency of the
-    // choice.
+    // The y of a mark must be the value of a row of its choice, or the ratio of its shading time. The x must be one of these numbers, or
+    // the setting, a lag or a frequency of the choice.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
     for ((key, _, lag, frequency), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));

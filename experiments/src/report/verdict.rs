@@ -7,7 +7,7 @@ use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHAD
 /// Limits of the number of items in a list: for a run with one view, and for a run with several views.
 const LISTED: usize = 5;
 const LISTED_OF_VIEWS: usize = 3;
-/// Relative changes that are smaller than this are not mentioned.
+/// Relative changes that are smaller than this count as no change.
 const SMALL: f64 = 0.02;
 /// Limit of the number of views that the sentence describes.
 const VIEWS: usize = 3;
@@ -32,7 +32,8 @@ impl Shape {
             t if t.settings.len() > 1 => Shape::Parameter,
             t if t.temporal.len() > 1 => Shape::Temporal,
             t if t.estimators.len() > 1 => Shape::Estimators,
-            // Variants are compared by their cost. If costs were not measured and noises vary as well, the noises are compared instead.
+            // Variants are compared by their cost. If noises vary as well, and there are more noises than variants or no cost was measured,
+            // the noises are compared instead.
             t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() && costs => Shape::Variants,
             t if t.noises.len() > 1 => Shape::Noises,
             _ => Shape::One,
@@ -122,8 +123,8 @@ fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) 
     rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
 }
 
-/// Joins the items to a list. If there are more than `most` items (at least 2), only `most` items are written, which always include the first and the
-/// last one.
+/// Joins the items to a list. If there are more than `most` items, only `most` items are written, which always include the first and the
+/// last one. `most` must be at least 2.
 fn list(items: &[String], most: usize) -> String {
     let count = items.len();
     if count <= most {
@@ -177,8 +178,8 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
         let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
         let (low, high) = (flicker(f64::min), flicker(f64::max));
         let more = if high - low > SMALL * high.abs().max(low.abs()) { format!(" to {}", number(high)) } else { String::new() };
-        // `price` writes the flicker at the end of its text. It is called for the choice with the smallest flicker, so that the appended upper end
-        // makes this number a range.
+        // The text of `price` ends with the flicker. `price` is called for the choice with the smallest flicker. Appending the largest
+        // flicker then turns this number into a range.
         let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
         format!("{name} ({}{more})", price(table, least))
     };
@@ -348,7 +349,8 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
     };
     let mut parts = Vec::new();
     for resolve in table.temporal.iter().filter(|t| *t != base) {
-        // Deterministic choices are omitted. A resolve has no noise to remove from them, so they would only widen the range of ratios.
+        // If there are stochastic choices, deterministic choices are omitted. A resolve has no noise to remove from them, so they would
+        // only widen the range of ratios.
         let pairs: Vec<(usize, usize)> = rows
             .iter()
             .copied()

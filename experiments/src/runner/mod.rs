@@ -31,7 +31,7 @@ use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// A callback that ignores the progress of the renderer. The progress of a part is reported by its own steps instead.
+/// A callback that ignores the progress of the renderer. The runner reports the steps of each part instead.
 const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
 
 /// Carries out the parts of one definition.
@@ -43,13 +43,13 @@ pub struct Runner<'a> {
     stage: Option<Stage<'a>>,
 }
 
-/// The state that is kept while successive parts have the same value of the varied parameter.
+/// The renderer, and the results that successive parts with the same value of the varied parameter share.
 struct Stage<'a> {
     setting: Setting,
     choices: FrameSettings,
     renderer: Renderer<'a>,
     layers: Layers,
-    /// Layers of the blend without random choices, with the pose and frame for which they were drawn.
+    /// Layers of the exact blend, with the pose and frame for which they were drawn.
     exact: Option<(Pose, u32, Layers)>,
     fixed: Fixed,
 }
@@ -88,7 +88,8 @@ impl<'a> Runner<'a> {
         Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
     }
 
-    /// Ensures that the renderer for a setting exists. The renderer is kept until a different setting is needed.
+    /// Ensures that the renderer has the scene and the frame settings for a value of the varied parameter. The present renderer is changed
+    /// if this is possible, and is otherwise replaced by a new one.
     fn prepare(&mut self, setting: &Setting) -> Result<()> {
         if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
             return Ok(());
@@ -152,7 +153,7 @@ struct Labels<'a> {
     temporal: &'a str,
 }
 
-/// The columns whose values differ between the rows of a part.
+/// The columns that identify the frames and the frequency band of a row.
 #[derive(Clone, Copy, Default)]
 struct Mark {
     frame: Option<u32>,
@@ -172,7 +173,7 @@ impl Mark {
 }
 
 impl Labels<'_> {
-    /// Whether this is the first noise of the definition.
+    /// Whether the part's noise is the first noise of the definition.
     fn is_first_noise(&self) -> bool {
         self.definition.noises.first().is_some_and(|noise| noise == self.noise)
     }
@@ -224,8 +225,9 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of the other
-    /// flavours do not depend on the noise: they are stored and used again for other noises, as long as the stored layers fit into [`FIXED_BYTES`].
+    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of
+    /// the other flavours do not depend on the noise: they are stored and used again for other noises, as long as the stored layers fit
+    /// into [`FIXED_BYTES`]. If no flavour of `needed` draws random numbers, nothing is stored.
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -240,8 +242,8 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // Flavours that draw random numbers are drawn in every call. They are drawn last, because the measurements read the geometry of the frame
-        // that was drawn last.
+        // The measurements read the geometry of the frame that was drawn last. Flavours that draw random numbers are shaded in every call,
+        // so this is always the geometry of `request`.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }

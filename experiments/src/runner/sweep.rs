@@ -40,7 +40,8 @@ pub(super) struct How {
 }
 
 impl How {
-    /// Whether a choice of variants may draw random numbers. If it draws none, the result does not depend on the noise.
+    /// Whether pixels that are shaded by this choice of variants may draw random numbers. If they draw none, the result does not depend on
+    /// the noise.
     fn draws(&self, choice: VariantChoice) -> bool {
         Flavour::ALL.into_iter().any(|f| choice.may_use(f) && self.estimator.is_stochastic(Variant::only(f)))
     }
@@ -96,7 +97,8 @@ impl Runner<'_> {
 
         let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         stage.fixed.of(&unit.view, how.estimator);
-        // Choices that draw no random numbers may have been measured by a sweep with a different noise. In this case, their rows are reused.
+        // Variants that draw no random numbers may already have been measured by a sweep with a different noise. In this case, their rows
+        // are reused.
         let known = stage.fixed.rows.get(&how.resolve).cloned();
         let choices: Vec<(String, VariantChoice)> =
             self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
@@ -223,7 +225,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Computes the cost of each choice under the assumption that all pixels of a tile or patch are shaded in lockstep. Stores a map of the tiles.
+    /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. Stores a map of
+    /// the tiles.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn costs(
         &mut self,
@@ -298,7 +301,7 @@ impl Runner<'_> {
         let pixels = size[0] * size[1];
         let [drawing, fixed] = split(needed, how.estimator);
 
-        // The blend without random choices does not depend on the noise, so it is drawn only once for each view and frame.
+        // The exact blend does not depend on the noise, so it is drawn only once for each view and frame.
         let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.view.pose && *frame == judged.shading.frame);
         if !same {
             let layers = Layers::new(gpu, size);
@@ -396,8 +399,8 @@ impl Runner<'_> {
     }
 }
 
-/// Whether pictures of a choice are stored. They are stored for single flavours and for automatic choices. If the choice draws no random numbers, one
-/// noise is enough, so its pictures are stored only for the first noise.
+/// Whether pictures of a variant are stored. They are stored for single flavours, `auto` and `generic`. If the variant draws no random
+/// numbers, its pictures are the same for every noise, so they are stored only for the first noise.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
@@ -479,8 +482,9 @@ fn over_frames(
     Ok(())
 }
 
-/// Adds the rows of the spectrum of a picture's error in luminance. It is computed from the largest square that contains only terrain and lies at the
-/// middle of the lower edge. If this square is too small, or if the error is 0 everywhere, no rows are added.
+/// Adds the rows of the spectrum of a picture's error in luminance. The spectrum is computed from the largest square that contains only
+/// terrain and lies at the middle of the picture's lower edge. If this square is too small, or if the error is practically 0 everywhere, no
+/// rows are added.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

@@ -282,7 +282,7 @@ pub fn derivative_rows() -> Vec<Row> {
     rows
 }
 
-/// Angles between ray and normal at which the effect of the smallest cosine is reported, degrees.
+/// Angles between ray and normal at which the effect of clamping the cosine is reported, degrees.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
 /// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. A mip is then finer than the plane requires,

@@ -17,9 +17,9 @@ pub const MIXED_BITS: usize = 21;
 /// Limit for the input bits of [`hash::pcg4d`] with an index of at least [`MIXED_BITS`]. If such a bit changes, each bit in the highest byte of a
 /// threshold changes with a probability that deviates from one half by at most this value.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at most this
-/// value. Input bit 21 causes the largest deviation. In [`hash::mix`], the level passes through only one `pcg` before it passes through
-/// [`hash::pcg4d`].
+/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at
+/// most this value. Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], which gives the
+/// size of the noise's cells and passes through only one `pcg`. The result of `mix` is an input word of [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
 /// A hash as a function from four words to four words. A hash with fewer input words ignores the other words. A hash with fewer output words returns

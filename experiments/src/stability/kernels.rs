@@ -28,7 +28,8 @@ pub struct Finding {
     pub not_finite: usize,
     /// Number of rows whose result differs from the reference in f64 by more than the derived tolerance.
     pub differ: usize,
-    /// Number of rows for which errors are measured. Errors are not measured if results must only be finite, or if the row counts as `other_side`.
+    /// Number of rows for which errors are measured. Errors are not measured if results must only be finite, if an input or a result is not
+    /// finite, or if the row counts as `other_side`.
     pub compared: usize,
     /// Number of rows for which result and reference lie on different sides of a threshold, and the threshold lies within the tolerance.
     pub other_side: usize,

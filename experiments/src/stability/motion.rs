@@ -241,7 +241,7 @@ pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     }
 }
 
-/// The recorded values of sequences with a moving camera, with their accepted ranges.
+/// The recorded values for all grounds and motions, with their accepted ranges.
 const RECORDED: &str = include_str!("../../../notebooks-data/stability/noise.csv");
 
 /// Sets the accepted ranges of measured rows to the recorded ranges. If a row has no recorded counterpart, it keeps the range that was computed from

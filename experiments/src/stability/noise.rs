@@ -1,11 +1,11 @@
 //! Tests whether the thresholds of every kind of noise behave as random numbers. Thresholds must be uniform and independent of neighbouring
-//! thresholds. For each alpha, the share of thresholds below alpha must be alpha (coverage).
+//! thresholds. For each tested probability alpha, the share of thresholds below alpha must be alpha (coverage).
 //!
-//! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call, thresholds of two seeds, and
-//! thresholds of two salts must be independent. Kinds bound to the ground ([`is_of_ground`]) are also tested with samples over places, at three
-//! distances from the origin. White noise of the screen is also tested with samples over pixels and frames. Interleaved gradient noise and the masks
-//! are not tested over places. They arrange the thresholds of neighbouring pixels and frames on purpose, so these thresholds are dependent and far
-//! more evenly distributed than random numbers.
+//! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call must be independent. For all
+//! kinds, thresholds of two seeds, and thresholds of two salts, must also be independent. Kinds bound to the ground ([`is_of_ground`]) are
+//! also tested with samples over places, at three distances from the origin. White noise of the screen is also tested with samples over
+//! pixels and frames. Interleaved gradient noise and the masks are not tested over places. They arrange the thresholds of neighbouring
+//! pixels and frames on purpose, so these thresholds are dependent and far more evenly distributed than random numbers.
 //!
 //! The number of collisions (equal thresholds) shows whether all 24 bits of a threshold are random. Collisions are tested for kinds that draw a new
 //! number at each place, and for the masks, which add a random jitter at each pixel. They are not tested for interleaved gradient noise, whose
@@ -121,8 +121,9 @@ fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
         sector_m: SECTOR_M,
         ddx: [CELL_M; 3],
         ddy: [0.0; 3],
-        // This value makes the level a whole number for the two kinds that follow the footprint. The isotropic kind uses the length of `ddx`, which
-        // is sqrt(3) cells. The anisotropic kind multiplies the extent along each axis by sqrt(2).
+        // This value makes the level, which is log2 of the number of cells per metre, a whole number for the two kinds that follow the
+        // footprint. The isotropic kind uses the length of `ddx`, which is sqrt(3) cells. The anisotropic kind multiplies the extent along
+        // each axis by sqrt(2).
         hash_scale: if kind == NoiseKind::HashedAnisotropic { 0.5_f64.sqrt() } else { 3_f64.sqrt().recip() },
     };
     Ask { point, pixel: [x, y], frame: 5 + z, seed: SEED, salt: SALT }

@@ -132,7 +132,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Records the bytes that a table has now.
+    /// Records the hash of a table as it is now.
     pub(super) fn record(&mut self, folder: &Path, table: &str) -> Result<()> {
         self.files.insert(table.to_owned(), hash_of(&folder.join(table))?);
         Ok(())

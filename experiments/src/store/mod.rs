@@ -61,7 +61,8 @@ pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 const NOTE_RUN: &str = "scree.run";
-/// Prefix of the names of notes that contain the hash of a file of a reference. The prefix is followed by the name of the file.
+/// Prefix of the names of notes (metadata of a Parquet file) that contain the hash of a file of a reference. The prefix is followed by the
+/// name of the file.
 const NOTE_FILE: &str = "scree.file.";
 
 /// Number of progress steps into which a part is divided.
@@ -160,8 +161,8 @@ impl Run {
             } else if let Some(difference) = difference {
                 bail!("{show} holds another run ({difference}): choose another --out, or remove the folder");
             } else {
-                // The new manifest is stored, because the prose and the expectations of the definition may have changed. It keeps the provenance of
-                // the existing run, so it contains the command that started the run.
+                // The new manifest is stored, because the question, the analysis and the expectations of the definition may have changed.
+                // It keeps the provenance of the existing run, so it contains the command that started the run.
                 manifest.complete = there.complete;
                 manifest.provenance = there.provenance;
                 manifest.files = there.files;
@@ -325,7 +326,7 @@ impl Run {
                     } else {
                         ": to continue from here, repeat the command with --resume (`demo` needs no --resume)"
                     };
-                    // A shard counts its own parts.
+                    // In a shard, parts of other shards are not counted.
                     let number = 1 + self.shares.iter().take_while(|other| other.unit.index != unit.index).count();
                     format!("`{}`, part {number} of {} ({}){go_on}", self.definition.name, self.shares.len(), unit.id)
                 },
@@ -441,8 +442,8 @@ fn read_part(file: &Path, unit: &Unit, identity: &str) -> Result<(Vec<Row>, Vec<
     if !identity.is_empty() && notes.get(NOTE_RUN).is_none_or(|run| run != identity) {
         bail!("{} does not belong to the run that {} describes", file.display(), manifest::FILE);
     }
-    // The checksum of the table does not cover the notes, which contain the number n of metrics. This number is therefore checked: the first n rows
-    // must be metrics, and the other rows must be times.
+    // The checksum of the table does not cover the notes, which contain the number n of rows with metrics. This number is therefore
+    // checked: the first n rows must be metrics, and the other rows must be times.
     let is_time = |row: &Row| metrics::find(&row.metric).is_some_and(|metric| !metric.is_deterministic());
     let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
     match count.filter(|&count| !metrics[..count].iter().any(is_time) && metrics[count..].iter().all(is_time)) {

@@ -257,7 +257,7 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
         }
         places.push(place);
     }
-    // Damaged bytes can claim any number of values. At most the stored number of rows is read.
+    // A damaged file can state any number of values. At most as many rows are read as the note about the number of rows states.
     let most: usize = count.parse().with_context(|| format!("`{count}` is not a number of rows"))?;
     let mut rows: Vec<Row> = Vec::new();
     for index in 0..reader.num_row_groups() {

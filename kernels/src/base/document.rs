@@ -24,7 +24,7 @@ const MAX_BYTES: u64 = 4 << 20;
 /// The file is a device, too large, unreadable, or not text. The error gives the reason in one line, without the file's name.
 pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
-    // Reading a device or a pipe may never end.
+    // A device or a pipe is refused, because reading it may never end.
     let metadata = fs::metadata(file).map_err(unreadable)?;
     if !metadata.is_file() {
         return Err(format!("is not a plain file: give the {kind}'s .toml file"));
@@ -46,7 +46,7 @@ pub fn text(bytes: Vec<u8>, kind: &str) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|_| format!("is not UTF-8 text: a {kind} is a TOML file"))
 }
 
-/// What is wrong with a document's text, and where.
+/// An error in the text of a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
     /// Line, counted from 1; `None` if it is not known.
@@ -72,7 +72,7 @@ pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&
         let (line, what) = explain(text, &error, remedy_of_missing);
         Wrong { line, what }
     })?;
-    // The TOML reader silently drops the surplus entries of a list that is too long, so compare the result with the document.
+    // The TOML reader silently drops the surplus entries of a list that is too long, so the result is compared with the document.
     let whole = |what: String| Wrong { line: None, what: one_line(&what) };
     let given = text.parse::<toml::Table>().map_err(|error| whole(error.to_string()))?;
     let taken = toml::Table::try_from(&read).map_err(|error| whole(error.to_string()))?;
@@ -180,30 +180,40 @@ impl At {
         Problem { path: self.0.clone(), what, is_sentence: true }
     }
 
+    /// Refuses the value at this place.
+    ///
     /// # Errors
     /// Always returns the problem that [`At::problem`] makes.
     pub fn fail(&self, what: impl Into<String>) -> Checked {
         Err(self.problem(what))
     }
 
+    /// Checks that a number lies in `low..=high`.
+    ///
     /// # Errors
     /// The value is not in `low..=high`, or it is NaN.
     pub fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) { Ok(()) } else { self.fail(format!("is {value}, must lie in {low}..={high}")) }
     }
 
+    /// Checks that a number is positive and at most `high`.
+    ///
     /// # Errors
     /// The value is not above 0, or it is above `high`, or it is NaN.
     pub fn positive(&self, value: f64, high: f64) -> Checked {
         if value > 0.0 && value <= high { Ok(()) } else { self.fail(format!("is {value}, must be above 0 and at most {high}")) }
     }
 
+    /// Checks that all numbers lie in `low..=high`.
+    ///
     /// # Errors
     /// [`At::within`] refuses one of the values.
     pub fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
         values.iter().try_for_each(|&value| self.within(value, low, high))
     }
 
+    /// Checks a band, which is a lower and an upper end.
+    ///
     /// # Errors
     /// The band `[from, to]` has an end outside the limits, or `from` is above `to`. `None` is accepted.
     pub fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
@@ -281,7 +291,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         },
         |near| format!("did you mean `{near}`?"),
     );
-    // In an internally tagged enumeration, the reader's span covers the whole table.
+    // In an internally tagged enumeration, the reader's span covers the whole table, so the key is searched inside the span.
     let at = find_key(text, key, span.as_ref()).or(span);
     (at.as_ref().map(line), format!("unknown key `{key}`: {hint}"))
 }
@@ -293,7 +303,7 @@ struct Entry {
     value_at: Range<usize>,
 }
 
-/// The innermost key whose value contains the start of a span.
+/// The innermost key whose value contains the first byte of `span`.
 fn key_of_value(text: &str, span: &Range<usize>) -> Option<String> {
     let holding = entries(text).into_iter().filter(|entry| entry.value_at.contains(&span.start));
     holding.min_by_key(|entry| entry.value_at.len()).map(|entry| entry.key)
@@ -350,8 +360,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// Adds a line number to the problem: the line of `text` at which the path of the problem ends. A value that is left out has its default, so
-    /// `text` may contain only the first steps of the path. The line is then that of the last step that `text` contains.
+    /// Returns the problem with the number of the line of `text` at which the path of the problem ends. A value that is left out has its
+    /// default, so `text` may contain only the first steps of the path. The line is then that of the last step that `text` contains.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -32,7 +32,7 @@ pub enum Error {
     /// The machine has no suitable adapter.
     #[error("adapter: {0}")]
     Adapter(String),
-    /// A call asks for something that is not possible.
+    /// The caller requested something that is not possible.
     #[error("{0}")]
     Request(String),
     /// The GPU reported an error.

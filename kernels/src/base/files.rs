@@ -12,7 +12,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
 /// Runs `write` on a temporary file in the folder of `file`, then renames the temporary file to `file`. So `file` is never incomplete.
 ///
 /// # Errors
-/// Writing or renaming fails; the temporary file is then removed.
+/// `file` is a device, a pipe, or a link that leads nowhere. Or writing or renaming fails; the temporary file is then removed.
 pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std::result::Result<(), E>) -> std::result::Result<(), E> {
     let file = &target(file)?;
     let mut name = file.file_name().unwrap_or_default().to_os_string();
@@ -26,10 +26,10 @@ pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std
     done
 }
 
-/// The file that is written if `file` is given: `file` itself, or the file to which a link leads.
+/// The file that `write_whole` replaces for the path `file`: `file` itself or, if `file` is a link, the file to which the link leads.
 ///
 /// # Errors
-/// The link leads nowhere. Or `file` is a device or a pipe: renaming would replace it by a file.
+/// `file` is a link that leads nowhere. Or `file` is a device or a pipe: renaming would replace the device or pipe by a file.
 fn target(file: &Path) -> Result<PathBuf> {
     match fs::symlink_metadata(file) {
         Ok(data) if data.is_symlink() => target(&fs::canonicalize(file).map_err(failed(file))?),
@@ -52,7 +52,7 @@ impl WholeFolder {
     /// # Errors
     /// `place` does not end in a name, or the temporary folder cannot be created.
     pub fn beside(place: &Path) -> Result<WholeFolder> {
-        // A link to an empty folder keeps its name.
+        // If `place` is a link, the folder to which it leads is replaced, and the link stays.
         let place = &if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
         let Some(name) = place.file_name() else {
             return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
@@ -73,7 +73,7 @@ impl WholeFolder {
     /// # Errors
     /// A folder of that name exists and is not empty, or the temporary folder cannot be renamed. The temporary folder is then removed.
     pub fn finish(self) -> Result<()> {
-        // Some systems cannot rename a folder to the name of an existing empty folder.
+        // Some systems cannot rename a folder to the name of an existing empty folder, so an existing folder is removed first.
         if self.place.exists() {
             fs::remove_dir(&self.place).map_err(failed(&self.place))?;
         }

@@ -1,4 +1,5 @@
-//! Helpers that every other module may use and that do not depend on terrain: errors, names, documents, files, progress, colour.
+//! Helpers that every other module may use and that do not depend on terrain: errors, names, TOML documents, files, progress, colour, lists
+//! of numbers, and WGSL files with their dependencies.
 
 pub mod colour;
 pub mod document;

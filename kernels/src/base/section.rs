@@ -3,7 +3,7 @@
 /// A titled list of numbers about the last frame, for display.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
-    /// Its title.
+    /// The title.
     pub name: &'static str,
     /// What the numbers describe, in one sentence.
     pub about: &'static str,

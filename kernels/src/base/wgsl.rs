@@ -17,7 +17,7 @@ pub enum Constant {
 }
 
 impl Constant {
-    /// A real constant with the f32 nearest to `value`.
+    /// A real constant: `value`, rounded to the nearest f32.
     #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
     pub const fn real(value: f64) -> Constant {
         Constant::F32(value as f32)
@@ -36,13 +36,13 @@ impl Constant {
 /// A WGSL file.
 #[derive(Debug)]
 pub struct Wgsl {
-    /// Its path in `kernels/src`, such as `shared/hash.wgsl`.
+    /// Path of the file in `kernels/src`, such as `shared/hash.wgsl`.
     pub path: &'static str,
-    /// Its text, embedded at compile time.
+    /// Text of the file, embedded at compile time.
     pub text: &'static str,
     /// Direct dependencies: the files whose declarations this file uses.
     pub needs: &'static [&'static Wgsl],
-    /// Constants that the host passes to this file, by name.
+    /// Constants that the host passes to this file: names and values.
     pub constants: &'static [(&'static str, Constant)],
 }
 
@@ -52,7 +52,7 @@ impl Wgsl {
         Wgsl { path, text, needs, constants: &[] }
     }
 
-    /// Returns this file, with constants that the host passes to it.
+    /// Returns this file with `constants` in place of its own constants.
     #[must_use]
     pub const fn with(self, constants: &'static [(&'static str, Constant)]) -> Wgsl {
         Wgsl { constants, ..self }

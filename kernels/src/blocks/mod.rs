@@ -41,15 +41,16 @@ impl BlockFormat {
 /// How much effort the encoder spends on a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Range fit: about a microsecond per block.
+    /// The range fit of `texpresso`: about a microsecond per block.
     Fast,
-    /// Range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, and it is much faster than the cluster fit.
+    /// The range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, and it is much faster
+    /// than the cluster fit.
     Refined,
-    /// Iterated cluster fit: tens of microseconds per block. Meant for the few blocks where quality matters most.
+    /// The iterated cluster fit of `texpresso`: tens of microseconds per block. Meant for the few blocks where quality matters most.
     Best,
 }
 
-/// Encodes an RGBA8 image. Texels with alpha below 128 become BC1's transparent black.
+/// Encodes an RGBA8 image. In BC1, texels with alpha below 128 become transparent black.
 ///
 /// `weights`: relative importance of errors in red, green and blue.
 ///
@@ -190,7 +191,7 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
 pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
     let highest = needed.iter().copied().max().unwrap_or(0);
     let lowest = needed.iter().copied().min().unwrap_or(0);
-    // The six-value mode has 255 as an additional value, so its line only spans the values below 255.
+    // The six-value mode has 255 as an additional value, so its line of interpolated values only spans the values below 255.
     let highest_below_full = needed.iter().copied().filter(|&v| v < 255).max().unwrap_or(254);
     let candidates = [(highest, lowest), (lowest.min(highest_below_full), highest_below_full)];
     let mut best: Option<(u32, [u8; 8])> = None;

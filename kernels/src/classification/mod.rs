@@ -42,14 +42,14 @@ pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
 
 /// Number of vertices that shading draws per tile: 3 if the device can clamp depth instead of clipping it, else 6.
 ///
-/// With 6 vertices, a tile is two triangles that share a diagonal. Devices shade pixels in quads (2 x 2 pixels), so each quad on the diagonal is
-/// shaded twice. With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the
-/// depth test, which runs before shading.
+/// With 6 vertices, a tile is two triangles that share a diagonal. Devices shade pixels in quads (2 x 2 pixels), so each quad on the
+/// diagonal is shaded twice. With 3 vertices, one triangle contains the tile. The triangle also covers pixels outside the tile, but its
+/// depth at those pixels fails the depth test, which runs before shading.
 pub fn tile_vertices(gpu: &Gpu) -> u32 {
     if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
 
-/// Results of the pass.
+/// Results of the classification pass.
 pub struct Lists {
     /// 32 lists of packed tiles (x | y << 12 | mask << 24), each with room for every tile.
     pub tiles: wgpu::Buffer,
@@ -74,7 +74,7 @@ impl Lists {
         }
     }
 
-    /// Returns the number of tiles in each list. Must be called after the submission is done.
+    /// Returns the number of tiles in each list. The commands of the pass must have been submitted before.
     ///
     /// # Errors
     /// When the device is lost.
@@ -94,7 +94,7 @@ impl Lists {
     }
 }
 
-/// The pass.
+/// The classification pass.
 pub struct Classification {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -120,7 +120,7 @@ fn module(gpu: &Gpu) -> &'static ShaderModule {
     if gpu.features.contains(wgpu::Features::SUBGROUP) { &SUBGROUP_MODULE } else { &PLAIN_MODULE }
 }
 
-/// `counts`: the number of tiles with terrain, then the number of tiles of each variant.
+/// The section that reports the tiles of a frame. `counts`: the number of tiles with terrain, then the number of tiles of each variant.
 fn tiles_section(counts: &[u32; LISTS as usize]) -> Section {
     let all = counts[0];
     let mut rows = vec![row("Tiles with terrain", all)];

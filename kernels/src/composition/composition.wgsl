@@ -4,7 +4,7 @@
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
-    modulated: u32,         // 1 = every flavour except the virtual texture counted the fetch of colour modulation; the sum must count it once
+    modulated: u32,         // 1 = the scene has colour modulation. Each flavour but vt counted a fetch for it; the sum counts one
     squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     pad_0: u32,
 }
@@ -22,7 +22,7 @@ struct CompositionStream {
 @group(1) @binding(10) var diagnostics_3: texture_2d<u32>;
 @group(1) @binding(11) var diagnostics_4: texture_2d<u32>;
 @group(2) @binding(0) var<storage, read> streams: array<CompositionStream>;
-// One picture per stream.
+// One picture per stream, in the order of `streams`.
 @group(2) @binding(1) var<storage, read_write> signal: array<vec2<u32>>;
 
 fn composition_albedo(flavour: u32, pixel: vec2<u32>) -> vec3<f32> {
@@ -55,7 +55,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;
     let depth = textureLoad(depth_target, pixel, 0);
     if depth <= 0.0 {
-        // Sky. The buffer is new for each dispatch, so it holds 0 here.
+        // This pixel is sky. The buffer `signal` is new for each dispatch, so it holds 0 at this pixel.
         return;
     }
     // These weights equal those of the shading pass, because they are computed from the same depth and normal.

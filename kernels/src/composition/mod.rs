@@ -1,9 +1,9 @@
 //! Composition: computes the picture of any variant from the pictures of single flavours.
 //!
-//! Linear albedo is a weighted sum over flavours, and the weights of a pixel follow only from its distance, its normal and the variant. So the
-//! pictures of all 31 variants follow from the pictures of five flavours, by 31 weighted sums in place of 31 shading passes. A composed picture
-//! equals the picture of the variant's own shader up to one additional rounding to f16 (tested for all 31 variants). Fetches and first choices are
-//! composed, too. Times are not: they are measured with the pipelines of the variants.
+//! Linear albedo is a weighted sum over flavours, and the weights of a pixel follow only from its distance, its normal and the variant. So
+//! the pictures of all 31 variants follow from the pictures of five flavours, by 31 weighted sums in place of 31 shading passes. A composed
+//! picture equals the picture of the variant's own shader up to one additional rounding to f16 (tested for all 31 variants). Fetches and
+//! first choices are composed, too. Times are not composed; they are measured with the pipelines of the variants.
 //!
 //! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8 x 8
 //! tile.
@@ -27,7 +27,7 @@ use crate::view;
 pub struct CompositionStream {
     /// The variant forced on every pixel; 0 = each pixel has the flavours that it needs.
     pub mask: u32,
-    /// 1 = every flavour except the virtual texture counted the fetch of colour modulation, so the sum must count it once.
+    /// 1 = the scene has colour modulation. Every flavour except `vt` then counted one fetch for it; the sum counts only one.
     pub modulated: u32,
     /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
@@ -97,7 +97,7 @@ impl Layers {
     }
 }
 
-/// The pass.
+/// The composition pass.
 pub struct Composition {
     pipeline: wgpu::ComputePipeline,
     layers_layout: wgpu::BindGroupLayout,

@@ -41,8 +41,9 @@ pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: the vertex stride of all patches. It multiplies the
-/// distance between the vertices of a coarser neighbour, so log2 of `stride` is added to the delta of each side that has a coarser neighbour.
+/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: the vertex stride of all patches. The stride
+/// multiplies the distance between the vertices of a coarser neighbour, so log2 of `stride` is added to the delta of each side that has a
+/// coarser neighbour.
 pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
@@ -63,8 +64,8 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -
         | side(patch[0] == 0, x - 1, y)
 }
 
-/// Returns those patches of the drawn nodes that may be visible from `eye`, in the order of the nodes. The field `node_origin` is in the local
-/// coordinates of `view`. The two views are equal unless culling is frozen. `stride`: a power of two, see [`pack_deltas`].
+/// Returns those patches of the drawn nodes that may be visible from `eye`, in the order of the nodes. The field `node_origin` of a patch
+/// is in the local coordinates of `view`. The two views are equal unless culling is frozen. `stride`: a power of two, see [`pack_deltas`].
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
     let mut patches = Vec::new();

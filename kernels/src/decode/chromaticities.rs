@@ -4,8 +4,8 @@ use std::fmt;
 
 use glam::{DMat3, DVec3};
 
-/// CIE 1931 chromaticities x, y of the primaries and of white, as a file states them. They may be no colour space at all, or NaN. Written as
-/// `R 0.64 0.33, G 0.3 0.6, B 0.15 0.06, white 0.3127 0.329`.
+/// CIE 1931 chromaticities x, y of the primaries and of white, as a file states them. They may form no colour space, or be NaN. The text
+/// form is `R 0.64 0.33, G 0.3 0.6, B 0.15 0.06, white 0.3127 0.329`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chromaticities {
     /// Red primary.
@@ -18,15 +18,16 @@ pub struct Chromaticities {
     pub white: [f32; 2],
 }
 
-/// From XYZ to the cone responses of Bradford. Lam 1985, *Metamerism and Colour Constancy*; ICC.1:2022, annex E.
+/// The matrix from XYZ to Bradford's cone responses. Lam 1985, *Metamerism and Colour Constancy*; ICC.1:2022, annex E.
 const BRADFORD: DMat3 =
     DMat3::from_cols(DVec3::new(0.8951, -0.7502, 0.0389), DVec3::new(0.2664, 1.7135, -0.0685), DVec3::new(-0.1614, 0.0367, 1.0296));
 
-/// Largest difference of a coordinate from that of Rec. 709. Files round differently, and the other colour spaces in use are farther away.
+/// Largest difference between a coordinate and that of Rec. 709 that counts as rounding. Files round differently; the other colour spaces
+/// in use differ by more.
 const SAME: f32 = 1e-3;
 
 impl Chromaticities {
-    /// Those of Rec. ITU-R BT.709, which are also those of sRGB (IEC 61966-2-1).
+    /// The chromaticities of Rec. ITU-R BT.709, which are also those of sRGB (IEC 61966-2-1).
     pub const REC_709: Chromaticities = Chromaticities { red: [0.64, 0.33], green: [0.3, 0.6], blue: [0.15, 0.06], white: [0.3127, 0.329] };
 
     /// Whether these are the chromaticities of Rec. 709, as files round them.
@@ -36,9 +37,9 @@ impl Chromaticities {
         pairs.all(|(a, b)| (a - b).abs() <= SAME)
     }
 
-    /// The matrix that converts linear colours of these primaries to linear colours of Rec. 709 (SMPTE RP 177-1993). If the whites differ, they are
-    /// adapted by Bradford's transform, so R = G = B stays R = G = B. `None` if the chromaticities are no colour space: three primaries on one line,
-    /// white without luminance, NaN.
+    /// The matrix that converts linear colours of these primaries to linear colours of Rec. 709 (SMPTE RP 177-1993). If the whites differ,
+    /// they are adapted by Bradford's transform, so R = G = B stays R = G = B. `None` if the chromaticities form no colour space: the
+    /// primaries lie on one line, white has no luminance, or a number is NaN.
     pub fn to_rec_709(self) -> Option<DMat3> {
         if self.white[1] <= 0.0 {
             return None;
@@ -50,7 +51,7 @@ impl Chromaticities {
         matrix.is_finite().then_some(matrix)
     }
 
-    /// From RGB to XYZ, with Y = 1 for R = G = B = 1. `None` if the primaries lie on one line or are NaN.
+    /// The matrix from RGB to XYZ, with Y = 1 for R = G = B = 1. `None` if the primaries lie on one line or are NaN.
     fn to_xyz(self) -> Option<DMat3> {
         let column = |[x, y]: [f32; 2]| DVec3::new(f64::from(x), f64::from(y), 1.0 - f64::from(x) - f64::from(y));
         let primaries = DMat3::from_cols(column(self.red), column(self.green), column(self.blue));

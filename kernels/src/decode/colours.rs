@@ -1,50 +1,51 @@
-//! What image files say about their colours: the chunks of PNG, and ICC profiles.
+//! Reads the statements of image files about their colours: chunks of PNG files, and ICC profiles.
 
 use std::io::{BufRead, Seek};
 
 use super::openexr::Chromaticities;
 use crate::base::error::one_line;
 
-/// Limit of the memory for what a PNG says beside its pixels (and for one of its rows), bytes.
+/// Limit of the memory for the metadata of a PNG file, and for one row of its pixels, bytes.
 pub(super) const MAX_INFO_BYTES: usize = 1 << 26;
 
-/// An encoding whose exponent is 1/2.2 within this factor is sRGB's: libpng, `PNG_GAMMA_THRESHOLD_FIXED`. Programs write 1/2.2 for sRGB.
+/// Largest relative difference between a stated exponent and 1/2.2 at which the exponent counts as that of sRGB. Programs write 1/2.2 for
+/// sRGB. Source: libpng, `PNG_GAMMA_THRESHOLD_FIXED`.
 const GAMMA_TOLERANCE: f64 = 0.05;
 
 /// Descriptions of ICC profiles that are sRGB.
 const SRGB_PROFILES: [&str; 7] =
     ["sRGB", "sRGB IEC61966-2.1", "sRGB IEC61966-2-1", "sRGB IEC61966-2-1 black scaled", "sRGB built-in", "GIMP built-in sRGB", "sRGB2014"];
 
-/// What a PNG says about its colours, if they are not those of sRGB.
+/// The statements of a PNG file about its colours. An exponent or primaries that are those of sRGB are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Colours {
     /// Codes are linear values to the power of this number.
     pub gamma: Option<f64>,
     /// Primaries and white point.
     pub primaries: Option<Chromaticities>,
-    /// Code points, which count before everything else.
+    /// Code points, which take precedence over all other statements.
     pub code_points: Option<CodePoints>,
 }
 
-/// Whether code points are those of sRGB, and their description.
+/// The code points (chunk cICP) of a PNG file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CodePoints {
-    /// Whether they are those of sRGB.
+    /// Whether the code points are those of sRGB.
     pub is_srgb: bool,
-    /// Their description.
+    /// Description of the code points, for a message.
     pub text: String,
 }
 
 impl Colours {
-    /// Reads what a PNG says about its colours. PNG (third edition), "Color chunk precedence": code points (cICP), then a profile (iCCP), then sRGB, then
-    /// exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
+    /// Reads the statements of a PNG file about its colours. Their precedence follows PNG (third edition), "Color chunk precedence": code
+    /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
     pub fn of_png(input: impl BufRead + Seek) -> Result<Colours, png::DecodingError> {
         let decoder = png::Decoder::new_with_limits(input, png::Limits { bytes: MAX_INFO_BYTES });
         let reader = decoder.read_info()?;
         let info = reader.info();
         if let Some(points) = &info.coding_independent_code_points {
             let (primaries, transfer) = (points.color_primaries, points.transfer_function);
-            // Rec. ITU-T H.273, tables 2 and 3.
+            // The codes of sRGB in Rec. ITU-T H.273, tables 2 and 3.
             let is_srgb = primaries == 1 && transfer == 13 && points.is_video_full_range_image;
             let text = format!("primaries {primaries} and transfer function {transfer} of Rec. ITU-T H.273 (cICP)");
             return Ok(Colours { code_points: Some(CodePoints { is_srgb, text }), ..Colours::default() });
@@ -70,7 +71,7 @@ impl Colours {
     }
 }
 
-/// An ICC profile in words; `None` if it is known to be sRGB, so that nothing needs to be applied.
+/// The name of an ICC profile, for a message; `None` if the profile is sRGB, so that nothing needs to be applied.
 pub fn unapplied_profile(profile: &[u8]) -> Option<String> {
     match description(profile) {
         Some(name) if SRGB_PROFILES.contains(&name.as_str()) => None,
@@ -85,7 +86,7 @@ fn description(profile: &[u8]) -> Option<String> {
         let four: [u8; 4] = bytes.get(at..at.checked_add(4)?)?.try_into().ok()?;
         usize::try_from(u32::from_be_bytes(four)).ok()
     };
-    // The table of tags follows the header of 128 bytes: their number, then 12 bytes for each: signature, position, length.
+    // The table of tags follows the header of 128 bytes: the number of tags, then 12 bytes for each tag (signature, position, length).
     let mut tags = profile.get(132..)?.chunks_exact(12).take(number(profile, 128)?);
     let tag = tags.find(|tag| tag.starts_with(b"desc"))?;
     let begin = number(tag, 4)?;
@@ -124,7 +125,7 @@ mod tests {
             Colours::of_png(std::io::Cursor::new(bytes))
         };
         assert_eq!(colours(1 << 10).unwrap(), Colours::default());
-        // 2^25 pixels of 8 bytes are 256 MiB.
+        // 2^25 pixels of 8 bytes are 256 MiB, and the limit is 64 MiB.
         assert!(matches!(colours(1 << 25), Err(png::DecodingError::LimitsExceeded)));
     }
 
@@ -142,7 +143,7 @@ mod tests {
         };
         for profile in [text("Display P3"), unicode("Display P3")] {
             assert_eq!(unapplied_profile(&profile).as_deref(), Some("the ICC profile `Display P3`"));
-            // No part of a profile is trusted.
+            // A truncated profile is never taken for sRGB.
             for length in 0..profile.len() {
                 assert!(unapplied_profile(&profile[..length]).is_some());
             }

@@ -1,26 +1,28 @@
-//! Why a file cannot be read. Each kind of reason has its own sentence, because each has another remedy.
+//! Reasons why a file cannot be read. Each kind of reason has a sentence of its own, because the remedies differ.
 
 use std::fmt;
 use std::io;
 
-/// Why a file cannot be read. As text, it is one sentence without the name of the file; texts of decoders may contain control characters.
+/// The reason why a file cannot be read. Its text is one sentence without the name of the file. Texts from decoders may contain
+/// control characters.
 #[derive(Debug)]
 pub enum Fault {
     /// The operating system cannot read the file.
     Io(io::Error),
-    /// The file ends too early, or contradicts its format. Holds what is wrong, without a remedy.
+    /// The file ends too early, or violates its format. The string says what is wrong, without a remedy.
     Damaged(String),
-    /// The file is intact, but two of its statements exclude each other. Holds both, without a remedy.
+    /// The file is intact, but two of its statements exclude each other. The string gives both statements, without a remedy.
     Contradictory(String),
-    /// The file is intact, but of a kind that cannot be used, or it does not fit the options. Holds what is wrong, and the remedy.
+    /// The file is intact, but of a kind that cannot be used, or it does not fit the options. The string says what is wrong,
+    /// and gives the remedy.
     Unsupported(String),
-    /// The file is intact, but a limit is exceeded. Holds the limit, and the remedy.
+    /// The file is intact, but a limit is exceeded. The string gives the limit and the remedy.
     TooLarge(String),
 }
 
 impl Fault {
-    /// The reason behind an I/O error of a decoder. Decoders report truncated and corrupt data as I/O errors, too, but without a number of the
-    /// operating system.
+    /// Converts an I/O error of a decoder. Decoders report truncated and corrupt data as I/O errors, too, but without an error number of
+    /// the operating system.
     pub fn of_io(error: io::Error) -> Fault {
         if error.raw_os_error().is_some() {
             Fault::Io(error)

@@ -1,11 +1,12 @@
-//! Whether a JPEG file is whole. Decoders invent the part of a picture that is missing at the end of a truncated file.
+//! Checks that a JPEG file is complete. If the end of a file is missing, decoders make up the missing part of the picture.
 
 use super::fault::Fault;
 
-/// Checks that a JPEG file goes on until the end of its picture.
+/// Checks that a JPEG file contains its picture up to the end.
 ///
-/// The file is followed from marker to marker (ITU-T T.81, B.1.1), because the marker EOI of a whole picture (B.1.1.3) may also occur inside a segment:
-/// segments for applications (B.2.4.6) often contain a small JPEG file as a preview. What follows the end of the picture is not looked at.
+/// The file is followed from marker to marker (ITU-T T.81, B.1.1), because the marker EOI of a whole picture (B.1.1.3) may also occur
+/// inside a segment: segments for applications (B.2.4.6) often contain a small JPEG file as a preview. Bytes after the end of the
+/// picture are ignored.
 ///
 /// # Errors
 /// [`Fault::Damaged`]: the file ends before EOI, or there is no scan (SOS, B.2.3) before EOI.

@@ -1,8 +1,9 @@
-//! OpenEXR files: every part with its windows, its chromaticities and the samples of all channels.
+//! Reads OpenEXR files: all parts, each with its windows, its chromaticities and the samples of all channels.
 //!
-//! Source: *OpenEXR File Layout* and *Technical Introduction to OpenEXR* (Academy Software Foundation). The crate `exr` parses headers and decompresses
-//! blocks. This module decides what is supported, checks sizes before memory is allocated, and requires that every block is there exactly once: the
-//! crate leaves pixels of missing blocks at 0. Of a file with several resolution levels, the largest level is read.
+//! Source: *OpenEXR File Layout* and *Technical Introduction to OpenEXR* (Academy Software Foundation). The crate `exr` parses headers
+//! and decompresses blocks. This module decides what is supported, checks sizes before memory is allocated, and requires that every
+//! block is there exactly once: the crate leaves pixels of missing blocks at 0. If a file has several resolution levels, only the
+//! largest level is read.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -23,14 +24,14 @@ use crate::base::error::one_line;
 
 pub use super::chromaticities::Chromaticities;
 
-/// Limit of the number of samples of a file, all parts and channels together: 8 GiB of f32.
+/// Largest number of samples of a file, all parts and channels together: 8 GiB of f32.
 const MAX_SAMPLES: u64 = 1 << 31;
 
-/// Limit of the number of bytes of one decompressed block (a tile, or 1 to 256 rows). The crate allocates memory for as many bytes as a block claims to
-/// have, before it reads them.
+/// Largest number of bytes of one decompressed block (a tile, or 1 to 256 rows). The crate allocates memory for as many bytes as a block
+/// claims to have, before it reads them.
 const MAX_BLOCK_BYTES: u64 = 1 << 28;
 
-/// What may be read. Checked before memory is allocated.
+/// Limits of the size of a file. They are checked before memory is allocated.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Largest width and height of a data window and of a display window, pixels.
@@ -39,14 +40,14 @@ pub struct Limits {
     pub pixels: u64,
 }
 
-/// The samples and the description of one part (OpenEXR calls it a part; a single-part file has one).
+/// The samples and the description of one part of a file. A single-part file has exactly one part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Name of the part; empty if the file gives none.
     pub name: String,
-    /// Pixels that are stored.
+    /// Rectangle of the pixels that are stored.
     pub data_window: Window,
-    /// Pixels that a viewer shows.
+    /// Rectangle of the pixels that a viewer shows.
     pub display_window: Window,
     /// Width of a pixel divided by its height; 1 for square pixels.
     pub pixel_aspect: f32,
@@ -58,7 +59,7 @@ pub struct Part {
     pub channels: Vec<Channel>,
 }
 
-/// A rectangle of pixels. Written as `48 x 30 at (12, 10)`.
+/// A rectangle of pixels. Its text form is `48 x 30 at (12, 10)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     /// Left column and top row; may be negative.
@@ -102,8 +103,9 @@ impl Channel {
 }
 
 impl Part {
-    /// The channel whose full or base name is `name`, case ignored; None if there is none or more than one. A full name counts before base names: "Y"
-    /// is the channel "Y", even if there is a channel "mask.Y".
+    /// The channel with this name; `None` if there is no such channel, or more than one. The name is compared with the full names of the
+    /// channels, then with the full names without regard to case, then with the base names without regard to case. So "Y" is the channel
+    /// "Y", even if there is a channel "mask.Y".
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         let only = |is: &dyn Fn(&Channel) -> bool| {
             let mut found = self.channels.iter().filter(|channel| is(channel));
@@ -122,7 +124,7 @@ impl fmt::Display for Window {
     }
 }
 
-/// Reads all parts. `max_side`: limit of the edges of both windows, pixels; checked before memory is allocated.
+/// Reads all parts. `max_side`: largest edge of the two windows, pixels. It is checked before memory is allocated.
 ///
 /// # Errors
 /// See [`read_within`].
@@ -137,7 +139,8 @@ pub fn read(input: impl BufRead + Seek, max_side: u32) -> Result<Vec<Part>, Faul
 /// [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has more than 2^28 bytes. [`Fault::Damaged`]: the
 /// file contradicts itself or ends too early, a block is missing, or two channels have the same name.
 pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec<Part>, Fault> {
-    // `true` refuses attributes that cannot be decoded. Otherwise, an unknown compression would be reported as a missing one.
+    // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, an unknown compression would be
+    // reported as a missing one.
     let meta = MetaData::read_from_buffered(&mut input, true).map_err(fault)?;
     check(&meta.headers, limits)?;
     input.rewind().map_err(Fault::of_io)?;
@@ -159,7 +162,7 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
             return Err(damaged("a block of pixels is missing: its entry in the table leads to another one"));
         }
         if channels.is_empty() {
-            // After the first block has been decoded, because a damaged header can claim any size.
+            // Memory is allocated only after the first block has been decoded, because a damaged header can claim any size.
             *channels = header.channels.list.iter().map(|_| vec![0.0; header.layer_size.area()]).collect();
         }
         store(&block, header, channels)?;
@@ -167,7 +170,7 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
     Ok(headers.iter().zip(samples).map(|(header, samples)| part(header, samples)).collect())
 }
 
-/// Refuses what is not supported or exceeds the limits, from the headers alone.
+/// Checks, from the headers alone, that all features are supported and that the limits are kept.
 fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
     let mut all_samples = 0_u64;
     for header in headers {
@@ -230,11 +233,12 @@ fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Refuses a block of DWAA or DWAB whose counters claim more data than its pixels can have. The crate allocates memory for what they claim.
+/// Refuses a block of DWAA or DWAB whose counters claim more data than its pixels can have. The crate allocates as much memory as
+/// the counters claim.
 ///
-/// Such a block begins with eleven little-endian u64. Those at 1, 6 and 7 are numbers of bytes, and those at 8 and 9 numbers of 16-bit coefficients, after
-/// decompression. The pixels of a channel are divided into squares of 8 x 8, which have at most 64 coefficients each. Run lengths enlarge data by less
-/// than a factor of 2.
+/// Such a block begins with eleven little-endian u64. Counted from 0, the numbers 1, 6 and 7 are numbers of bytes after decompression, and
+/// 8 and 9 are numbers of 16-bit coefficients. The pixels of a channel are divided into squares of 8 x 8, which have at most 64
+/// coefficients each. Run lengths enlarge data by less than a factor of 2.
 fn check_counters(block: &CompressedBlock, header: &Header) -> Result<(), Fault> {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Ok(());
@@ -242,13 +246,13 @@ fn check_counters(block: &CompressedBlock, header: &Header) -> Result<(), Fault>
     let bytes = match block {
         CompressedBlock::ScanLine(rows) => &rows.compressed_pixels_le,
         CompressedBlock::Tile(tile) => &tile.compressed_pixels_le,
-        // Refused by `check`.
+        // The function `check` has already refused deep data.
         CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return Ok(()),
     };
     let place = header.get_block_data_indices(block).map_err(fault)?;
     let size = header.get_absolute_block_pixel_coordinates(place).map_err(fault)?.size;
     let bytes_per_pixel = header.channels.bytes_per_pixel;
-    // A block that would become larger by compression is stored without it, and has no counters.
+    // A block that would become larger by compression is stored without compression, and has no counters.
     if bytes.len() == size.area() * bytes_per_pixel {
         return Ok(());
     }
@@ -326,7 +330,7 @@ fn part(header: &Header, samples: Vec<Vec<f32>>) -> Part {
     }
 }
 
-/// The crate's windows have less than 2^31 pixels per side.
+/// Converts a window of the crate, which has fewer than 2^31 pixels per side.
 fn window(bounds: IntegerBounds) -> Window {
     let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     Window { position: [bounds.position.x(), bounds.position.y()], size: [side(bounds.size.width()), side(bounds.size.height())] }
@@ -359,18 +363,18 @@ fn damaged(what: &str) -> Fault {
     Fault::Damaged(format!("OpenEXR: {what}"))
 }
 
-/// The crate's error in our words.
+/// Converts an error of the crate.
 fn fault(error: Error) -> Fault {
     match error {
         Error::NotSupported(what) => Fault::Unsupported(format!(
             "it uses a feature of OpenEXR that is not supported ({}); export flat scan lines with ZIP compression",
             one_line(&what)
         )),
-        // A position in the table of blocks to which the operating system cannot seek.
+        // The table of blocks contains a position to which the operating system cannot seek.
         Error::Io(source) if source.kind() == ErrorKind::InvalidInput => damaged("a block of pixels lies outside the file"),
         Error::Io(source) => Fault::of_io(source),
         Error::Invalid(what) => damaged(&one_line(&what)),
-        // Only a caller can stop the crate, and this module does not.
+        // The crate returns this error only if its caller stops it, and this module never does.
         Error::Aborted => damaged("reading was stopped"),
     }
 }
@@ -521,7 +525,7 @@ mod tests {
         assert!(read_all(&small()).is_ok());
         let deep = changed(small(), b"type\0string\0\x0d\0\0\0scanlineimage", b"type\0string\0\x0c\0\0\0deepscanline");
         refused(&deep, &["deep data"]);
-        // Name, type, linearity, and how many columns and rows have one sample.
+        // The fields of a channel: name, type, linearity, and the numbers of columns and rows for each sample.
         let channel = |across: u8| [b"R\0\x02\0\0\0\0\0\0\0".as_slice(), &[across, 0, 0, 0, 1, 0, 0, 0]].concat();
         refused(&changed(small(), &channel(1), &channel(2)), &["`R`", "subsampled", "2 x 1"]);
         refused(&changed(small(), b"Y\0\x02\0\0\0", b"R\0\x02\0\0\0"), &["two channels `R`"]);
@@ -570,7 +574,7 @@ mod tests {
         // The error of DWAA is relative to the value; 1/16 is far above it.
         let red = parts[0].channel("R").expect("a channel R");
         assert!(red.samples.iter().enumerate().all(|(i, v)| (v - 0.25 - (i % 32) as f32 / 64.0).abs() < 0.0625), "{:?}", red.samples);
-        // Row and length of the block, then eleven numbers.
+        // After the table, which has 8 bytes for one block, the row and the length of the block take 8 bytes. The eleven numbers follow.
         let counters = table(&bytes, 1) + 8 + 8;
         for index in [1, 6, 7, 8, 9] {
             let mut claims = bytes.clone();

@@ -24,7 +24,7 @@ fn display_reinhard(radiance: vec3<f32>) -> vec3<f32> {
     return radiance * ((1.0 + luminance / (DISPLAY_WHITE * DISPLAY_WHITE)) / (1.0 + luminance));
 }
 
-// IEC 61966-2-1. Values that are not above 0, and NaN, become 0.
+// Encodes linear values as sRGB (IEC 61966-2-1). Values are clamped to 0..=1; NaN becomes 0.
 fn display_srgb(linear: vec3<f32>) -> vec3<f32> {
     let held = vec3<f32>(usable_positive_1(linear.r, 1.0), usable_positive_1(linear.g, 1.0), usable_positive_1(linear.b, 1.0));
     return select(1.055 * pow(held, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * held, held <= vec3<f32>(0.0031308));

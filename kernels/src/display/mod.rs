@@ -1,7 +1,7 @@
 //! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never read the
-//! result.
+//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never
+//! read the displayed picture.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
 
@@ -89,7 +89,7 @@ static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("display", &[&WGSL]);
 
-/// The layout of `DisplayUniforms` in `display.wgsl`.
+/// The uniforms of the pass; the layout matches `DisplayUniforms` in `display.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -100,7 +100,7 @@ pub struct DisplayUniforms {
     pub pad_1: u32,
 }
 
-/// The pass.
+/// The display pass.
 pub struct Display {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,

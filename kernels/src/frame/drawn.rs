@@ -14,7 +14,8 @@ use crate::motion::Links;
 use crate::variant::Variant;
 use crate::view::camera::View;
 
-/// A drawn frame on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is in use.
+/// A drawn frame on the device, with the request that made it. A `Frame` borrows the renderer, so that nothing
+/// else can be drawn while the frame is in use.
 ///
 /// Operations that need only the geometry are methods of [`DrawnGeometry`].
 pub struct Frame<'f, 'a> {

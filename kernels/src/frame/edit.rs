@@ -22,7 +22,7 @@ pub struct EditCounts {
     pub textures: usize,
 }
 
-/// Reports which texture is being made.
+/// Returns a function that reports which texture is being made.
 pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) -> Result<()> + Sync {
     move |name| {
         progress(Progress { stage: name.to_owned(), done: 0, total: 0 });
@@ -57,7 +57,7 @@ impl Renderer<'_> {
             _ => None,
         };
 
-        // Nothing can fail from here on.
+        // Nothing can fail from here on, so the renderer changes completely or not at all.
         let names = |s: &Scene| s.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>();
         let laid = |s: &Scene| (s.rules.clone(), s.strokes.clone(), names(s));
         let relaid = laid(scene) != laid(&self.scene);
@@ -82,8 +82,8 @@ impl Renderer<'_> {
         Ok(true)
     }
 
-    /// Whether [`Renderer::retune`] with this scene builds a new palette. If no texture can be reused, this takes as long as making all textures of
-    /// the scene.
+    /// Whether [`Renderer::retune`] with this scene builds a new palette. If no texture can be reused, building the palette takes as
+    /// long as making all textures of the scene.
     pub fn needs_textures(&self, scene: &Scene) -> bool {
         let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         textured(scene) != textured(&self.scene)

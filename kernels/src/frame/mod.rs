@@ -89,7 +89,7 @@ pub struct Renderer<'a> {
     streaming: Streaming,
     terrain: Terrain,
     stages: Stages,
-    /// The sources of the stages' shaders.
+    /// The shader texts that replaced embedded texts when the stages were built.
     sources: Arc<Sources>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
@@ -133,7 +133,7 @@ impl<'a> Renderer<'a> {
         let sources = gpu.sources();
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let stages = Stages::build(Build { gpu, frame: &frame_layout, terrain: &terrain, demands: &demands, tile: options.tile })?;
-        // If the device refused a pipeline, the error is reported at this point and not with the first picture.
+        // If the creation of a pipeline failed, the error is reported at this point and not with the first picture.
         gpu.check()?;
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -171,12 +171,12 @@ impl<'a> Renderer<'a> {
         &self.scene
     }
 
-    /// What the scene demands of the stages.
+    /// The demands of the scene: the flavours, textures and features that the stages must provide.
     pub fn demands(&self) -> &Demands {
         &self.demands
     }
 
-    /// The device.
+    /// The device that draws.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -203,7 +203,7 @@ impl<'a> Renderer<'a> {
         View::new(view.pose, view.size, view.jitter, layout.sector_m, layout.world_m())
     }
 
-    /// Makes one picture.
+    /// Draws one picture and reads it back.
     ///
     /// # Errors
     /// When the size is out of range, the view needs more nodes than fit in the atlases, or the device fails.
@@ -253,16 +253,16 @@ impl<'a> Renderer<'a> {
         let drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
             Some(drawn) => drawn,
             None => {
-                // quadtree, residency: the nodes and their payloads; culling: the patches
+                // Stages `quadtree` and `residency`: select the nodes and load their payloads. Stage `culling`: select the patches.
                 let eye = request.geometry.culled_from.map_or(view, |pose| self.view(&request.with(|r| r.view.pose = pose)));
                 let (visited, nodes, patches) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
-                // geometry: depth, stencil, mask, normals
+                // Stage `geometry`: write depth, stencil, mask and normals.
                 self.stages.geometry.encode(&mut rec, &patches, request.geometry.vertex_stride, &targets.geometry);
                 Drawn { key, visited, nodes, patches: patches.len() }
             }
         };
-        // classification: tiles per variant; requests: visible virtual-texture pages
+        // Stage `classification`: list the tiles of each variant. Stage `virtual_texture`: request the visible pages.
         self.stages.classification.encode(&mut rec, &targets.geometry, &targets.classification);
         let has_pages = self.stages.virtual_texture.is_required() && request.shading.variant.may_use(Flavour::VirtualTexture);
         if has_pages {
@@ -271,7 +271,7 @@ impl<'a> Renderer<'a> {
         rec.submit()?;
         let tiles = self.stages.classification.read_counts(gpu, &targets.classification)?;
 
-        // virtual texture: pages that are missing
+        // Stage `virtual_texture`: render the requested pages that are not cached.
         let pages = if has_pages {
             let sources: Vec<(NodeId, u64)> = drawn.visited.iter().map(|&node| (node, self.streaming.revision(node))).collect();
             self.stages.virtual_texture.fill(gpu, groups, self.world.layout(), &sources, view.sector)?
@@ -279,7 +279,7 @@ impl<'a> Renderer<'a> {
             self.stages.virtual_texture.rest()
         };
 
-        // shading: G-buffer, by the variants that have tiles; lighting: linear HDR
+        // Stage `shading`: write the G-buffer, by the variants that have tiles. Stage `lighting`: write linear HDR.
         let keys = self.warm(request, &tiles)?;
         let how = ShadingPass { keys: &keys, diagnostics: request.wants_diagnostics(), timed: request.outputs.time_variants };
         let pages_of_frame = &self.stages.virtual_texture;
@@ -287,7 +287,7 @@ impl<'a> Renderer<'a> {
         if request.outputs.lit {
             self.stages.lighting.encode(&mut rec, &targets.geometry, &targets.shading, &targets.lighting);
         }
-        // display: tone-mapped sRGB
+        // Stage `display`: write tone-mapped sRGB.
         if request.is_displayed() {
             self.stages.display.encode(&mut rec, request.stages.display, &targets.lighting, &targets.display);
         }
@@ -310,7 +310,7 @@ impl<'a> Renderer<'a> {
         Ok(report)
     }
 
-    /// Returns the numbers of the frame that are shown to people: first those of nodes, patches and atlases, then those of each stage.
+    /// Returns the numbers of the frame, for display: first the numbers of nodes, patches and atlases, then the numbers of each stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
         let mut sections = vec![
@@ -393,7 +393,7 @@ impl<'a> Renderer<'a> {
         &self.stages.composition
     }
 
-    /// Refuses to force a flavour for which the scene has no textures.
+    /// Returns an error if `choice` forces the virtual texture and the scene has no virtual texture.
     fn check_variant(&self, choice: VariantChoice) -> Result<()> {
         let (VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) = choice else { return Ok(()) };
         if variant.has(Flavour::VirtualTexture) && !self.demands.has(Flavour::VirtualTexture) {
@@ -457,7 +457,7 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // Draws without lighting are internal and never displayed.
+        // A draw without lighting is internal and never displayed, so only lit draws report their pipelines as those of the displayed view.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }
@@ -465,7 +465,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Returns the demands of a scene. Their anisotropy is lowered if the device cannot compile the shaders for it in reasonable time.
+/// Returns the demands of a scene. The anisotropy is lowered if the device cannot compile shaders with this anisotropy in reasonable time.
 fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     let demands = Demands::of(scene);
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }

@@ -69,9 +69,9 @@ pub enum Layer {
 pub struct Picture {
     /// Size in pixels.
     pub size: [u32; 2],
-    /// Linear radiance; alpha 1 = terrain, 0 = sky. Empty if the request did not ask for a lit picture.
+    /// Linear radiance; alpha 1 = terrain, 0 = sky. Empty if no lit picture was requested.
     pub hdr: Vec<[f32; 4]>,
-    /// The picture for people to look at: tone-mapped and sRGB-encoded, with the alpha of `hdr`; `None` if the request did not ask for it.
+    /// The displayed picture: tone-mapped and sRGB-encoded, with the alpha of `hdr`; `None` if it was not requested.
     pub displayed: Option<Vec<[u8; 4]>>,
     /// The requested layers, by name.
     pub layers: Vec<(String, Layer)>,
@@ -121,7 +121,7 @@ impl Picture {
         }
         if let Some(bytes) = texels(depth) {
             let depth: Vec<f32> = bytemuck::pod_collect_to_vec(bytes);
-            // Metres along the view direction; 0 = no terrain.
+            // The layer holds the distance along the view direction, metres; 0 = no terrain.
             let metres = |d: f32| if d > 0.0 { crate::view::camera::NEAR_M as f32 / d } else { 0.0 };
             add("depth", Layer::Value(depth.into_iter().map(metres).collect()));
         }
@@ -168,7 +168,7 @@ impl Picture {
         Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })
     }
 
-    /// Returns the displayed picture. If the request did not ask the device to tone-map it, the reference tone-maps it with `exposure`.
+    /// Returns the displayed picture. If the device did not tone-map it, the reference tone-maps `hdr` with `exposure`.
     pub fn displayed(&self, exposure: Exposure) -> Vec<[u8; 3]> {
         match &self.displayed {
             Some(codes) => codes.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),

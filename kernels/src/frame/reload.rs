@@ -8,7 +8,7 @@ use crate::frame::stages::{FOLLOWING, Rebuilt, touched};
 use crate::gpu::Sources;
 use crate::motion::Links;
 
-/// What a reload did.
+/// The result of a reload.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReloadReport {
     /// Files whose text changed, by their path in `kernels/src`, in alphabetical order.

@@ -7,7 +7,7 @@ use crate::residency::AtlasCounts;
 use crate::virtual_texture::{CacheCounts, PageCounts};
 use crate::world::NodeId;
 
-/// What was drawn, loaded and measured for one frame.
+/// Numbers of one frame: what was drawn and loaded, and the times of the passes.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReport {
     /// Time of each pass on the device.
@@ -24,11 +24,11 @@ pub struct FrameReport {
     pub patches: usize,
     /// The nodes drawn; they do not overlap.
     pub drawn: Vec<NodeId>,
-    /// The atlases after this frame's loading.
+    /// Counts of the atlases, after the nodes of this frame were loaded.
     pub atlas: AtlasCounts,
-    /// How many virtual-texture pages the frame requested and rendered.
+    /// Numbers of virtual-texture pages that the frame requested and rendered.
     pub pages: PageCounts,
-    /// The cached pages after this frame's rendering.
+    /// Counts of the cached pages, after the missing pages of this frame were rendered.
     pub page_cache: CacheCounts,
     /// The number of tiles with terrain, followed by the number of tiles of each variant 1..=31.
     pub tiles: Vec<u32>,

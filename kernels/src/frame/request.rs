@@ -11,7 +11,7 @@ use crate::variant::{Flavour, Variant};
 use crate::view::camera::Pose;
 use crate::view::normals::NormalEncoding;
 
-/// Which shader shades which tile.
+/// The choice of the shader for each tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum VariantChoice {
     /// Each tile is shaded by the variant that its pixels need.
@@ -71,7 +71,7 @@ pub struct GeometryKey {
 /// How pixels are shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadingRequest {
-    /// Which shader shades which tile.
+    /// The choice of the shader for each tile.
     pub variant: VariantChoice,
     /// How the flavours near cliff, far cliff and splat compute their values.
     pub estimator: Estimator,
@@ -79,7 +79,7 @@ pub struct ShadingRequest {
     pub noise: NoiseKind,
     /// Seed of the random choices of near cliff, far cliff and splat.
     pub seed: u32,
-    /// Frame index. No picture depends on a clock.
+    /// Frame index. It is the only time on which a picture depends; there is no clock.
     pub frame: u32,
     /// Whether full splat blends two tiling scales, which takes 96 fetches.
     pub two_tilings: bool,

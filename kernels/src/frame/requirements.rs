@@ -1,7 +1,7 @@
 //! What a scene requires, and what it does not require: flavours, variants, textures, passes, bytes.
 //!
-//! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats are those of
-//! *Terrain Rendering in Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture.
+//! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats follow *Terrain Rendering in Far Cry 5* (Moore,
+//! GDC 2018), sections on terrain data and the virtual texture. `ARCHITECTURE.md` lists the differences.
 //!
 //! Limits: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. The page
 //! texture then has one unused layer, because a binding of the shading pass cannot be empty. The page table (224 KiB) is still allocated. Forcing a
@@ -35,7 +35,7 @@ pub struct FlavourUse {
     pub reason: String,
 }
 
-/// What a scene requires and what it does not require. This follows from the scene file alone, without any world data.
+/// What a scene requires and what it does not require. The requirements follow from the scene file alone, without any world data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Requirements {
     /// The scene's name.

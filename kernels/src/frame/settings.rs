@@ -17,7 +17,7 @@ use crate::variant::Variant;
 use crate::view::camera::Pose;
 use crate::view::normals::NormalEncoding;
 
-/// Prefix of the keys of these settings.
+/// Prefix of the keys of the settings of a frame.
 pub const FRAME: &str = "frame.";
 
 /// The value of `frame.variant` that selects no variant, so that each tile has the variant it needs.
@@ -70,7 +70,7 @@ table! {
     }
 }
 
-/// What classification gives a variant of its own.
+/// The areas to which classification assigns variants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClassifyBy {
     /// Each tile of the screen.
@@ -81,7 +81,7 @@ pub enum ClassifyBy {
 }
 
 impl ClassifyBy {
-    /// Both possibilities.
+    /// Both values.
     pub const ALL: [ClassifyBy; 2] = [ClassifyBy::Tile, ClassifyBy::Patch];
 
     /// The name used in files.
@@ -144,7 +144,7 @@ impl FrameSettings {
         self
     }
 
-    /// Which shader shades which tile.
+    /// The choice of the shader for each tile.
     pub fn choice(&self) -> VariantChoice {
         match (self.variant, self.generic) {
             (None, false) => VariantChoice::Auto,

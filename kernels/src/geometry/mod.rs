@@ -24,7 +24,7 @@ use crate::world::payload::diagonal_rises;
 
 pub mod reference;
 
-/// Render targets of the pass, all of the picture's size.
+/// Render targets of the geometry pass. All have the size of the picture.
 pub struct Targets {
     /// Depth and stencil.
     pub depth_stencil: wgpu::Texture,
@@ -49,7 +49,7 @@ impl Targets {
     }
 }
 
-/// The pass.
+/// The geometry pass.
 pub struct Geometry {
     shader: Shader,
     pipeline_layout: wgpu::PipelineLayout,

@@ -62,7 +62,7 @@ pub struct AdapterReport {
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
+    /// The queue of the device.
     pub queue: wgpu::Queue,
     /// Name, driver and type of the adapter.
     pub info: wgpu::AdapterInfo,
@@ -217,7 +217,7 @@ impl Gpu {
         )
     }
 
-    /// The anisotropy that this device uses for detail textures if the scene asks for `wanted`.
+    /// The anisotropy that this device uses for detail textures if the scene sets it to `wanted`.
     pub fn anisotropy(&self, wanted: u16) -> u16 {
         if self.without_anisotropy().is_some() { 1 } else { wanted }
     }

@@ -17,7 +17,8 @@ pub struct Recording<'a> {
 }
 
 impl<'a> Recording<'a> {
-    /// Begins a frame. `groups` are the bind groups that stages share. Each pass binds as many of them as it asks for, from index 0.
+    /// Begins a frame. `groups` are the bind groups that stages share. A pass binds the first of these groups; its argument
+    /// `shared` is their number.
     pub fn new(gpu: &'a Gpu, groups: &'a [&'a wgpu::BindGroup]) -> Recording<'a> {
         Recording { gpu, encoder: gpu.encoder("frame"), timer: Timer::new(gpu), groups }
     }

@@ -1,10 +1,10 @@
-//! Shader modules from lists of WGSL files. There is no preprocessor: a module is the concatenation of its files.
+//! Builds shader modules from lists of WGSL files. There is no preprocessor: a module is the concatenation of its files.
 
 use crate::base::error::{Error, Result};
 use crate::base::wgsl::{self, Piece, Wgsl};
 use crate::gpu::{Gpu, Template};
 
-/// A WGSL module.
+/// A compiled WGSL module, with its source text.
 pub struct Shader {
     /// The compiled module.
     pub module: wgpu::ShaderModule,

@@ -1,9 +1,9 @@
 //! Specialisation: reduces a shader module to the code that one pipeline runs.
 //!
-//! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has inlined and
-//! transformed their code: Mesa spends 2 s on every shading pipeline, even if its variant is simple. Specialisation therefore
-//! replaces the constants by their values before the driver sees the module. If the condition of an `if` is then constant, the `if` is replaced by
-//! the branch that is taken. Everything that is no longer referenced is removed.
+//! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has
+//! inlined and transformed their code: Mesa spends 2 s on every shading pipeline, even if its variant is simple. Specialisation therefore
+//! replaces the constants by their values before the module reaches the driver. If the condition of an `if` is then constant, the `if` is
+//! replaced by the branch that is taken. Everything that is no longer referenced is removed.
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
@@ -21,7 +21,7 @@ impl Template {
     /// Parses a module that the device has already accepted.
     ///
     /// # Errors
-    /// The error message of naga, one line.
+    /// When naga rejects the module; the error is naga's message, one line.
     pub(crate) fn new(source: &str) -> Result<Template, String> {
         let module = naga::front::wgsl::parse_str(source).map_err(|error| error.message().to_owned())?;
         let info =
@@ -113,7 +113,7 @@ impl Globals {
                 }
                 other => kept.push(other, span),
             }
-            // Statements after this one are never run.
+            // If this statement leaves the block, the statements after it never run, so they are dropped.
             if kept.last().is_some_and(ends) {
                 break;
             }
@@ -122,7 +122,7 @@ impl Globals {
     }
 }
 
-/// Whether the statements after this one in its block are never run.
+/// Whether the statements that follow this statement in its block never run.
 fn ends(statement: &Statement) -> bool {
     match statement {
         Statement::Return { .. } | Statement::Kill | Statement::Break | Statement::Continue => true,
@@ -131,7 +131,7 @@ fn ends(statement: &Statement) -> bool {
     }
 }
 
-/// Adds the expressions that the statements of a block compute to `computed`.
+/// Appends to `computed` the expressions that the statements of a block compute.
 fn gather(block: &Block, computed: &mut Vec<Handle<Expression>>) {
     for statement in block.iter() {
         match statement {

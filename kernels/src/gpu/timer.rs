@@ -8,7 +8,7 @@ use crate::gpu::{Gpu, read_buffer};
 pub struct PassTime {
     /// The pass's name.
     pub name: String,
-    /// Milliseconds on the device.
+    /// Time on the device, milliseconds.
     pub time_ms: f64,
 }
 
@@ -78,7 +78,7 @@ impl Timer {
         }
     }
 
-    /// The times, in the order of the passes; call it after the submission is done.
+    /// The times, in the order of the passes; call it after the commands were submitted.
     ///
     /// # Errors
     /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because callers could not

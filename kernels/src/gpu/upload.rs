@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 
-/// Writes one tightly packed mip level of one layer.
+/// Writes one mip level of one layer of a square texture. `bytes`: the texels, tightly packed.
 pub fn upload(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, mip_level: u32, bytes: &[u8]) {
     let format = texture.format();
     let (block, _) = format.block_dimensions();

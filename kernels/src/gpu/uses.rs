@@ -9,9 +9,9 @@ pub struct PassUse {
     pub name: &'static str,
     /// Number of pipelines among which the pass chooses. The shading pass has one per variant.
     pub pipelines: u32,
-    /// Whether the scene requires it.
+    /// Whether the scene requires the pass.
     pub required: bool,
-    /// Why it is, or is not, required.
+    /// Why the pass is, or is not, required.
     pub reason: &'static str,
 }
 
@@ -25,7 +25,7 @@ impl PassUse {
 /// A texture whose size follows from the scene alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TextureUse {
-    /// What it holds.
+    /// Name: what the texture holds.
     pub name: &'static str,
     /// Format, spelled as in WebGPU.
     pub format: String,
@@ -37,9 +37,9 @@ pub struct TextureUse {
     pub layers: u32,
     /// Size of all mips of all layers, bytes.
     pub bytes: u64,
-    /// Whether the scene requires it.
+    /// Whether the scene requires the texture.
     pub required: bool,
-    /// Why it is, or is not, required.
+    /// Why the texture is, or is not, required.
     pub reason: &'static str,
 }
 
@@ -70,7 +70,7 @@ impl TextureUse {
 /// A texture with the size of the picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TargetUse {
-    /// What it holds.
+    /// Name: what the texture holds.
     pub name: &'static str,
     /// Format, spelled as in WebGPU.
     pub format: String,

@@ -1,4 +1,4 @@
-//! The materials of an imported scene: what a folder of images holds, which of it is used, and what is not.
+//! The materials of an imported scene. Finds the materials in a folder of images, and lists the files that are used and those that are not.
 //!
 //! A material is accepted only after the [loader](crate::materials::folder) has read all its maps, so a scene that was imported can be drawn.
 
@@ -22,25 +22,26 @@ const FOLDER: &str = "materials";
 /// Names of the procedural materials of a scene that is imported without a material folder.
 const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "gravel", "scree", "limestone", "granite", "snow"];
 
-/// Limit of the depth of sub-folders.
+/// Largest depth of the sub-folders that are searched.
 const MAX_DEPTH: usize = 16;
-/// Limit of the number of files and folders. More are there only if the wrong folder was given.
+/// Largest number of files and folders. A folder that holds more was probably given by mistake.
 const MAX_ENTRIES: usize = 100_000;
-/// Limit of the number of lines of a kind in the text of a survey.
+/// Largest number of lines of one kind, such as `refused`, in the text of a survey.
 const MOST_LINES: usize = 50;
-/// Limit of the number of characters of a name that is taken from a folder.
+/// Largest number of characters in the name of a material that is taken from a folder.
 const LONGEST_NAME: usize = 80;
-/// Largest edge of a repeat of a texture, metres; the limit of a scene file.
+/// Largest size of one repeat of a texture, metres. Scene files have the same limit.
 const MAX_TILE_M: f64 = 1.0e5;
-/// Edge of the maps that are read for a survey, texels. Their means and slopes are those of the images.
+/// Edge of the maps that are read for a survey, texels. A survey checks only means and slopes, so small maps are enough.
 const SURVEY_SIZE: u32 = 128;
-/// Correlation of normals and slopes from which on they agree, or disagree. Scanned materials have 0.1 to 0.9.
+/// Normals and slopes agree if their correlation is above this number, and contradict each other if it is below minus this number. Scanned
+/// materials have correlations of 0.1 to 0.9.
 const CORRELATED: f64 = 0.3;
 
 /// Names of folders that say nothing about the material in them.
 const GENERIC: [&str; 8] = ["textures", "texture", "maps", "images", "1k", "2k", "4k", "8k"];
 
-/// What a folder of images holds. Its text is a list for the user, several lines without a line break at the end.
+/// The contents of a folder of images. Its text is a list for the user: several lines, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialSurvey {
     /// The folder.
@@ -56,40 +57,40 @@ pub struct MaterialSurvey {
 /// A material that can be drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Its name in the scene: unique, and suitable as the name of a folder.
+    /// Name of the material in the scene: unique, and suitable as the name of a folder.
     pub name: String,
-    /// Its files.
+    /// Files of the material.
     pub recognised: Recognised,
     /// Edge of the image of each map, texels, in the order of [`Recognised::maps`].
     pub edges: Vec<usize>,
-    /// What a user should know about the images, one line each.
+    /// Notes for the user about the images, one line each.
     pub remarks: Vec<String>,
-    /// Edge of a repeat of the texture.
+    /// Size of one repeat of the texture.
     pub tile: Tile,
 }
 
 /// A material that cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// Its name.
+    /// Name of the material.
     pub name: String,
     /// The reason and the remedy, one line.
     pub reason: String,
 }
 
-/// Edge of a repeat of a texture, metres, and where it comes from.
+/// Size of one repeat of a texture, metres, and its origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tile {
-    /// The user gave it.
+    /// The user gave the size.
     Given(f64),
-    /// The name of the folder or of a file states it.
+    /// The name of the folder or of a file states the size.
     Named(f64),
-    /// It is usual for the kind of ground that the name of the material means.
+    /// The size is usual for the kind of ground that the name of the material states.
     Assumed(f64),
 }
 
 impl Tile {
-    /// The edge, metres.
+    /// The size, metres.
     pub fn metres(self) -> f64 {
         match self {
             Tile::Given(metres) | Tile::Named(metres) | Tile::Assumed(metres) => metres,
@@ -108,7 +109,7 @@ impl fmt::Display for Tile {
     }
 }
 
-/// Refuses to go on if the user wants to stop.
+/// Returns an error if the user wants to stop.
 ///
 /// # Errors
 /// [`Error::Request`].
@@ -122,7 +123,7 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
 /// are listed as unused, except texts, which are kept with the materials.
 ///
-/// `stopped`: asked before every few materials whether the user wants to stop.
+/// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///
 /// # Errors
 /// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a scene can have;
@@ -192,10 +193,10 @@ fn material(name: &str, tile_m: f64) -> Material {
 }
 
 impl MaterialSurvey {
-    /// Sets the edge of a repeat of all textures, metres, if one is given.
+    /// Sets the size of one repeat of every texture to `tile_m` metres, if it is given.
     ///
     /// # Errors
-    /// [`Error::Request`]: it is not above 0 and at most 100 000 m.
+    /// [`Error::Request`]: `tile_m` is not above 0, or it is above 100 000 m.
     pub fn with_tile_m(mut self, tile_m: Option<f64>) -> Result<MaterialSurvey> {
         let Some(tile_m) = tile_m else { return Ok(self) };
         if !(tile_m > 0.0 && tile_m <= MAX_TILE_M) {
@@ -210,7 +211,7 @@ impl MaterialSurvey {
     /// Checks that there are materials, and that all can be drawn.
     ///
     /// # Errors
-    /// [`Error::Material`] with the first material that cannot be drawn.
+    /// [`Error::Material`] for the first material that cannot be drawn, or if there is no material.
     pub fn check(&self) -> Result<()> {
         if let Some(Refused { name, reason }) = self.refused.first() {
             let more = match self.refused.len() - 1 {
@@ -235,7 +236,7 @@ impl MaterialSurvey {
         Ok(())
     }
 
-    /// What a user should know about the materials that can be drawn, and what is not used, one line each.
+    /// Notes for the user about the materials that can be drawn and about the files that are not used, one line each.
     pub fn notes(&self) -> Vec<String> {
         let of_one = |found: &Found| found.remarks.iter().map(|remark| format!("{}: {remark}", found.name)).collect::<Vec<_>>();
         let mut notes: Vec<String> = self.found.iter().flat_map(of_one).collect();
@@ -252,7 +253,7 @@ impl MaterialSurvey {
         notes
     }
 
-    /// A path below the folder, for a message.
+    /// The path relative to the folder of the survey, for a message.
     fn relative(&self, path: &Path) -> String {
         let below = path.strip_prefix(&self.folder).unwrap_or(path);
         if below.as_os_str().is_empty() { shown(path) } else { shown(below) }
@@ -310,7 +311,7 @@ struct Walk {
     /// Canonical paths of the folders that were read.
     visited: BTreeSet<PathBuf>,
     entries: usize,
-    /// Links to folders, and their depth. They are followed last, so that a folder gets its own name instead of that of a link.
+    /// Links to folders, and their depth. They are followed last, so that a folder gets its own name and not the name of a link.
     links: VecDeque<(PathBuf, usize)>,
     places: Vec<Place>,
     refused: Vec<Refused>,
@@ -378,7 +379,8 @@ impl Walk {
     }
 }
 
-/// The name of a material: that of its folder or, if the folder holds several materials or is called `textures`, that in the names of the files.
+/// The name of a material: usually the name of its folder. If the folder holds several materials or has a general name such as `textures`,
+/// the name in the names of the files is used instead. If they state none, a folder with a general name is replaced by its parent folder.
 /// `folder` is a canonical path.
 fn name_of(folder: &Path, set: &Set, is_only: bool) -> String {
     let name = |folder: &Path| folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -404,7 +406,8 @@ fn safe(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || "-_+(). ".contains(c) { c } else { '_' }).collect()
 }
 
-/// Makes the names differ, also where upper and lower case are the same: names that occur more than once get the path to the folder.
+/// Makes the names unique, even on systems that do not distinguish upper and lower case. A name that occurs more than once is replaced by
+/// the path to the folder; if it still occurs, a number is appended.
 fn make_unique(root: &Path, places: &mut [Place]) {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for place in places.iter() {
@@ -431,7 +434,7 @@ fn make_unique(root: &Path, places: &mut [Place]) {
 }
 
 impl Place {
-    /// Reads all maps.
+    /// Reads all maps of the material.
     fn examine(&self) -> std::result::Result<Found, Refused> {
         let refuse = |reason: String| Refused { name: self.name.clone(), reason: one_line(&reason) };
         let tile = self.tile().map_err(refuse)?;
@@ -440,7 +443,8 @@ impl Place {
         Ok(Found { name: self.name.clone(), recognised: self.recognised.clone(), edges, remarks, tile })
     }
 
-    /// The size of a repeat, from the names of folder, material and files. The material may have its name from the folder above.
+    /// The size of one repeat, from the names of the folder, the material and the files. The name of the material is included because it
+    /// may be that of the parent folder.
     fn tile(&self) -> std::result::Result<Tile, String> {
         let of_folder = self.folder.file_name().and_then(|name| stated_tile_m(&name.to_string_lossy()));
         let of_material = stated_tile_m(&self.name);
@@ -459,7 +463,7 @@ impl Place {
     }
 }
 
-/// A remark if the normals contradict the slopes of the heights: the usual sign of a wrong convention.
+/// Returns a remark if the normals contradict the slopes of the heights. Usually, the convention of the normal map was then misinterpreted.
 fn opposition(maps: &MaterialMaps, reading: Reading) -> Option<String> {
     let size = maps.size as usize;
     let height = |column: usize, row: usize| maps.height.get(row % size * size + column % size).copied().map_or(0.0, f64::from);
@@ -511,7 +515,7 @@ fn copy(recognised: &Recognised, to: &Path) -> Result<()> {
         move |source| Error::File { file, source }
     };
     fs::create_dir_all(to).map_err(failed(to))?;
-    // A packed map is the source of several maps.
+    // A packed image holds several maps, so the set of images contains it only once.
     let images: BTreeSet<&Path> = recognised.maps().map(|(_, source)| source.file.as_path()).collect();
     let mut taken = BTreeSet::new();
     for file in images.into_iter().chain(recognised.notes.iter().map(PathBuf::as_path)) {
@@ -557,7 +561,7 @@ impl Role {
         }
     }
 
-    /// Usual edge of a repeat of a texture, metres.
+    /// Usual size of one repeat of a texture, metres.
     fn tile_m(self) -> f64 {
         match self {
             Role::Rock => 5.0,

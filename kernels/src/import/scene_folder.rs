@@ -1,4 +1,4 @@
-//! Makes a scene folder from a heightmap: first everything is read and understood, then it is written.
+//! Makes a scene folder from a heightmap. All input files are read and checked before the folder is written.
 
 use std::fmt;
 use std::fs::File;
@@ -14,34 +14,37 @@ use crate::scene::{self, Hole, Material, Rule, Scene};
 use crate::world::rules::Rules;
 use crate::world::{Layout, World};
 
-/// Limit of the number of samples that become holes. Each becomes a circle, and each vertex near the holes is compared with all circles.
+/// Largest number of samples without data that become holes. Each sample becomes a circle, and each vertex near the holes is tested
+/// against all circles.
 const MAX_HOLES: usize = 512;
 
-/// Radius of the hole that a sample without data becomes, in distances between samples. It is above half the diagonal of a square, so neighbouring
-/// holes have no ground between them, and below 1, so the next sample with data stays on the ground.
+/// Radius of the hole at a sample without data, as a multiple of the distance between samples. The radius is above half the diagonal of
+/// a square of samples (0.707), so there is no ground between neighbouring holes, and below 1, so the neighbouring samples with data
+/// stay on the ground.
 const HOLE_RADIUS: f64 = 0.75;
 
-/// Limit of the number of characters of a scene's name; the limit of a scene file.
+/// Largest number of characters in the name of a scene. Scene files have the same limit.
 const LONGEST_NAME: usize = 100;
 
-/// What an import is made of.
+/// Options of an import.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions {
     /// How the heightmap is read.
     pub read: ReadOptions,
     /// A folder that holds materials, see [`materials::survey`]; without it, the scene has procedural materials.
     pub materials: Option<PathBuf>,
-    /// Edge of a repeat of all textures, metres. `None`: as names of folders and files state it, or as is usual for the kind of ground.
+    /// Size of one repeat of every texture, metres. `None`: each size is taken from the names of folders and files or, if no name states
+    /// it, from the kind of ground.
     pub tile_m: Option<f64>,
     /// Limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With 0, no relief is
     /// added, and the finest LOD follows from the resolution of the data.
     pub detail_m: f64,
 }
 
-/// What was understood of the files of an import. As text, it is a list for the user, several lines without a line break at the end.
+/// The result of reading the files of an import. Its text is a list for the user: several lines, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Understood {
-    /// Name of the scene: that of the heightmap without its extension.
+    /// Name of the scene: the name of the heightmap file without its extension.
     name: String,
     map: Heightmap,
     report: Report,
@@ -52,11 +55,12 @@ pub struct Understood {
 
 /// Reads the heightmap and the materials of an import. Nothing is written.
 ///
-/// `stopped`: asked several times whether the user wants to stop.
+/// `stopped`: called several times; returns whether the user wants to stop.
 ///
 /// # Errors
-/// The errors of [`read`]; [`Error::Heightmap`] if nothing of the map would be drawn, or if too many samples without data shall become holes;
-/// [`Error::Request`] if `detail_m` is negative, or if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
+/// The errors of [`read`]; [`Error::Heightmap`] if nothing of the map would be drawn, or if there are too many samples without data for
+/// holes; [`Error::Request`] if `detail_m` is negative, or if the user stopped; the errors of [`materials::survey`] and
+/// [`MaterialSurvey::with_tile_m`].
 pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {
@@ -86,7 +90,8 @@ pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> boo
     })
 }
 
-/// Name of the scene of a heightmap: that of the file without its extension, as far as a scene may be called so.
+/// Name of the scene: the name of the heightmap file without its extension, on one line and cut to the largest length; `imported`
+/// if nothing is left.
 fn name_of(source: &Path) -> String {
     let stem = source.file_stem().map(|stem| one_line(&stem.to_string_lossy())).unwrap_or_default();
     if stem.is_empty() { "imported".to_owned() } else { stem.chars().take(LONGEST_NAME).collect() }
@@ -95,13 +100,13 @@ fn name_of(source: &Path) -> String {
 /// Makes a scene folder from a heightmap: [`examine`], then [`Understood::write`].
 ///
 /// # Errors
-/// The errors of both; [`Error::Request`] if `out_dir` exists and is not an empty folder.
+/// The errors of these two functions; [`Error::Request`] if `out_dir` exists and is not an empty folder.
 pub fn import(source: &Path, options: &ImportOptions, out_dir: &Path) -> Result<Scene> {
     refuse_occupied(out_dir)?;
     examine(source, options, &|| false)?.write(out_dir, &|| false)
 }
 
-/// A note about the edge of a map that is not drawn; None if all is drawn.
+/// A note about the strips at the edges of a map that are not drawn; `None` if the whole map is drawn.
 ///
 /// # Errors
 /// Nothing would be drawn.
@@ -111,7 +116,7 @@ fn undrawn(map: &Heightmap, detail_m: f64) -> std::result::Result<Option<String>
     let drawn = layout.drawn_m(extent);
     let vertices = layout.spacing_m(layout.finest_lod);
     if drawn.iter().any(|&length| length <= 0.0) {
-        // Two quads, one on each side of the centre.
+        // The smallest map has two quads along each axis, one on each side of the centre.
         let least = (2.0 * vertices / map.metres_per_texel).ceil() + 1.0;
         return Err(format!(
             "{} x {} samples are too few: they cover {} x {} m, but vertices are {vertices} m apart, so nothing would be drawn; give at least {least} x \
@@ -124,7 +129,7 @@ fn undrawn(map: &Heightmap, detail_m: f64) -> std::result::Result<Option<String>
         ));
     }
     let missing = [0, 1].map(|axis| (extent[axis] - drawn[axis]) / 2.0);
-    // Rounding of the extent is not worth a note.
+    // A difference this small comes from rounding, so it needs no note.
     if missing.iter().all(|&length| length < 1e-6 * vertices) {
         return Ok(None);
     }
@@ -134,7 +139,7 @@ fn undrawn(map: &Heightmap, detail_m: f64) -> std::result::Result<Option<String>
     )))
 }
 
-/// The hole of a sample without data, given as column and row.
+/// The hole at a sample without data. The sample is given by its column and row.
 fn hole(map: &Heightmap, [column, row]: [u32; 2]) -> Hole {
     let [width, depth] = map.extent_m();
     let spacing = map.metres_per_texel;
@@ -148,12 +153,12 @@ impl Understood {
         &self.map
     }
 
-    /// What was understood of the heightmap.
+    /// The report on the heightmap: how its file was interpreted.
     pub fn report(&self) -> &Report {
         &self.report
     }
 
-    /// What a user should know about the files, one line each. [`Understood`] as text contains it, too.
+    /// Notes for the user about the files, one line each. The text of [`Understood`] contains these notes, too.
     pub fn notes(&self) -> Vec<String> {
         let of_materials = self.materials.iter().flat_map(MaterialSurvey::notes);
         self.report.notes.iter().cloned().chain(of_materials).collect()
@@ -167,11 +172,12 @@ impl Understood {
         self.materials.as_ref().map_or(Ok(()), MaterialSurvey::check)
     }
 
-    /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest), `scene.toml` (materials,
-    /// rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder `materials/` with
-    /// those that are used. The folder is made either completely or not at all. Returns the scene as written.
+    /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest),
+    /// `scene.toml` (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials
+    /// have images, a folder `materials/` with the images that are used. The folder is made either completely or not at all. Returns
+    /// the scene as written.
     ///
-    /// `stopped`: asked several times whether the user wants to stop; then nothing is kept.
+    /// `stopped`: called several times; returns whether the user wants to stop. If so, no folder is left behind.
     ///
     /// # Errors
     /// [`Error::Request`] if `out_dir` exists and is not an empty folder, or if the user stopped; the errors of [`materials::chosen`];

@@ -1,4 +1,5 @@
-// Writes the values that the shading pass derives from each pixel of the geometry pass. People inspect these values, and tests check them.
+// Writes the values that the shading pass derives from each pixel of the geometry pass. The workbench's inspector shows these values, and
+// tests check them.
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;

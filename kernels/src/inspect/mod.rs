@@ -15,7 +15,7 @@ use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::terrain;
 use crate::view;
 
-/// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All fields are 0 if the pixel has no terrain.
+/// The values of one pixel; the layout matches `Inspected` in `inspect.wgsl`. All fields are 0 if the pixel has no terrain.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Inspected {
@@ -39,10 +39,10 @@ pub struct Inspected {
     pub blended: [f32; 4],
 }
 
-/// Largest number of rows of a band.
+/// Largest number of picture rows that one dispatch covers.
 const BAND: u32 = 64;
 
-/// The pass.
+/// The inspection pass.
 pub struct Inspect {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,

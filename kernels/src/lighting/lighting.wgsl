@@ -1,6 +1,6 @@
 // Lighting: linear HDR radiance under one sun (GGX + Lambert) and a sky that is linear in the sine of the elevation.
 
-// LIGHTING_F0: reflectance of the ground at normal incidence.
+// The host passes the constant LIGHTING_F0: the reflectance of the ground at normal incidence.
 
 @group(1) @binding(0) var g_albedo: texture_2d<f32>;
 @group(1) @binding(1) var g_normal: texture_2d<f32>;
@@ -34,7 +34,7 @@ fn lighting_fragment(@builtin(position) clip: vec4<f32>) -> @location(0) vec4<f3
     let n = normal_smoothness.xyz;
     let v = -ray;
     let l = frame.sun_direction;
-    // If the view points straight at the sun, there is no half vector; `octahedral_unit` then avoids NaN.
+    // If the view points straight at the sun, l + v is 0 and has no direction. `octahedral_unit` then returns the z axis and not NaN.
     let h = octahedral_unit(l + v);
     let roughness = 1.0 - normal_smoothness.w;
     let alpha = brdf_alpha(roughness);

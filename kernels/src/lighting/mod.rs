@@ -20,10 +20,10 @@ use crate::view;
 
 pub mod reference;
 
-/// Format of the picture.
+/// Format of the linear HDR picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
-/// The pass.
+/// The lighting pass.
 pub struct Lighting {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,

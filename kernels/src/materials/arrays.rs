@@ -24,11 +24,11 @@ pub const MAX_LAYERS: usize = 32;
 pub struct DetailArrays {
     /// Edge of an albedo or normal layer in texels; a height layer has half this edge.
     pub size: u32,
-    /// BC1 sRGB, `size`².
+    /// Albedo: BC1 sRGB, `size`² texels.
     pub albedo: Vec<CompressedChain>,
-    /// BC3, `size`².
+    /// Normal, smoothness and specular occlusion: BC3, `size`² texels.
     pub normal: Vec<CompressedChain>,
-    /// BC1, (`size` / 2)².
+    /// Height and colour mask: BC1, (`size` / 2)² texels.
     pub height: Vec<CompressedChain>,
 }
 

@@ -115,8 +115,8 @@ impl TextureMeans {
 
 /// One material as shaders read it: 64 bytes, four 16-byte rows, with the layout of `PaletteEntry` in WGSL.
 ///
-/// Texture coordinates of a point (x east, y north, metres): u = x cos + y sin, v = -x sin + y cos, both divided by the edge of the tile.
-/// cos and sin are those of the orientation of the material.
+/// Texture coordinates of a point (x east, y north, metres): u = x cos + y sin, v = -x sin + y cos, both divided by the size of one repeat,
+/// `tile_m`. cos and sin are those of the orientation of the material.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct PaletteEntry {
@@ -131,15 +131,15 @@ pub struct PaletteEntry {
     /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that coordinates stay exact far from the
     /// origin.
     pub per_sector_fixed: [i32; 2],
-    /// cos / tile and sin / tile, 1/m, for coordinates inside a sector.
+    /// cos and sin, divided by the size of one repeat, 1/m; for coordinates inside a sector.
     pub per_metre: [f32; 2],
     /// Linear RGB multiplier where the colour mask is 1.
     pub tint: [f32; 3],
     /// Factor on the normal map's slope: 1 = as authored, 0 = flat.
     pub normal_strength: f32,
-    /// [`MaterialMeans::albedo`].
+    /// Mean linear albedo of the material, as in [`MaterialMeans::albedo`].
     pub mean_albedo: [f32; 3],
-    /// [`MaterialMeans::smoothness`].
+    /// Mean smoothness of the material, as in [`MaterialMeans::smoothness`].
     pub mean_smoothness: f32,
 }
 
@@ -170,7 +170,7 @@ const TEXTURE_SEED: u32 = 5;
 /// Largest number of sources whose uncompressed maps are in memory at the same time. The maps of one source with 2048² texels take about 170 MB.
 pub(crate) const SOURCES_AT_ONCE: usize = 4;
 
-/// Where a set of maps comes from. Materials with equal sources share a layer.
+/// The source of a set of maps. Materials with equal sources share a layer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Source {
     Procedural(String),

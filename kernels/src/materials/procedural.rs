@@ -5,7 +5,8 @@
 //! Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is computed from the second nearest point);
 //! hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
-//! Lengths are in tile edges (u, v in 0..1), so a recipe looks the same at every size. Noise that is too fine for the size is left out.
+//! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every size. Noise that is too fine for
+//! the size is left out.
 
 use std::f32::consts::{PI, TAU};
 
@@ -23,7 +24,7 @@ pub const NAMES: [&str; 12] =
 /// How to make one material.
 struct Recipe {
     name: &'static str,
-    /// Difference in height between the lowest and the highest texel, in tile edges.
+    /// Difference in height between the lowest and the highest texel, in repeats.
     relief: f32,
     /// Mean luminance of the albedo (Rec. 709 weights), near published values for this kind of ground when dry.
     luminance: f32,
@@ -57,8 +58,8 @@ pub(super) fn known(kind: &str, material: &str) -> Result<()> {
     recipe(kind, material).map(|_| ())
 }
 
-/// Difference in height between the lowest and the highest texel of a material, in tile edges. The normals of the material belong to the height field
-/// `relief * height` on a tile with the edge 1.
+/// Difference in height between the lowest and the highest texel of a material, as a share of the size of one repeat. The normals of the
+/// material belong to the height field `relief * height` on a repeat of size 1.
 ///
 /// # Errors
 /// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
@@ -69,8 +70,8 @@ pub fn relief(name: &str) -> Result<f32> {
 /// Makes a material: `size` x `size` texels (at least 8) that tile in both directions. The result depends only on `name`, `size` and
 /// `seed`.
 ///
-/// The normal is (-A dh/du, -A dh/dv, 1), normalised, where h is the height map and A = [`relief`]`(name)`. The derivatives are central differences
-/// that wrap around. The features have natural sizes on tiles of 2 to 4 m.
+/// The normal is (-A dh/du, -A dh/dv, 1), normalised, where h is the height map and A = [`relief`]`(name)`. The derivatives are central
+/// differences that wrap around. The features have natural sizes if one repeat is 2 to 4 m wide.
 ///
 /// # Errors
 /// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
@@ -208,7 +209,7 @@ impl Field {
         Field { n, v }
     }
 
-    /// Applies three box filters (nearly a Gaussian) with this radius, in tile edges.
+    /// Applies three box filters (nearly a Gaussian) with this radius, in repeats.
     fn blur(&self, radius: f32) -> Field {
         let reach = ((radius * self.n as f32 * 0.6).round() as usize).clamp(1, self.n / 4);
         let mut v = self.v.clone();
@@ -265,7 +266,7 @@ struct Cells {
     from: Vec<[f32; 2]>,
 }
 
-/// The size and seed that a recipe works with.
+/// The size of the maps, texels, and the seed of a recipe.
 struct Bench {
     n: usize,
     seed: u32,
@@ -341,7 +342,7 @@ impl Bench {
         f
     }
 
-    /// Cell noise with `cells` points along u and along v, sampled at coordinates that are displaced by `amount` * `warp`, in tile edges.
+    /// Cell noise with `cells` points along u and along v, sampled at coordinates that are displaced by `amount` * `warp`, in repeats.
     fn cells(&self, cells: [u32; 2], salt: u32, warp: Option<[&Field; 2]>, amount: f32) -> Cells {
         let [cx, cy] = cells.map(|c| c as usize);
         // One cell of padding on each side, so that the search needs no wrapping.
@@ -413,7 +414,7 @@ struct Touch {
 /// One stamped shape, its position, and its bounding box.
 struct Stamp<S> {
     origin: [f32; 2],
-    /// Corners of the box relative to the origin, in tile edges.
+    /// Corners of the box relative to the origin, in repeats.
     low: [f32; 2],
     high: [f32; 2],
     shape: S,

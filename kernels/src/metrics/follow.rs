@@ -97,8 +97,9 @@ pub struct Summary {
     pub flip_rate: Option<f64>,
     /// Mean difference in luminance from the comparison picture; `None` without a comparison.
     pub bias: Option<f64>,
-    /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance. White noise has
-    /// 1. `None` if there is no noise.
+    /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance;
+    /// 1 for white noise.
+    /// `None` if there is no noise, or no block whose pixels are all terrain.
     pub clumping: Option<f64>,
 }
 

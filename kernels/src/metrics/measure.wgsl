@@ -27,8 +27,9 @@ struct MeasureTile {
     quarter_terrain: u32,
 }
 
-// This is a storage buffer and not a uniform buffer, because lavapipe recompiles a shader for each new value of a uniform on which its branches
-// depend. In Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per stream and frame).
+// `measure` is a storage buffer and not a uniform buffer, because lavapipe (Mesa's software driver for Vulkan) recompiles a shader for each
+// new value of a uniform on which its branches depend. In Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per
+// stream and frame).
 @group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;

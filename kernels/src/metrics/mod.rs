@@ -31,7 +31,7 @@ pub const BINS: usize = 256;
 const LOWEST_OCTAVE: f64 = -14.0;
 const BINS_PER_OCTAVE: f64 = 16.0;
 
-/// The layout of `MeasureFrame` in `measure.wgsl`.
+/// The parameters of the measurement of one frame; the layout matches `MeasureFrame` in `measure.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -45,7 +45,7 @@ pub struct MeasureFrame {
     pub past_slots: [u32; LAGS],
 }
 
-/// The layout of `MeasureTile` in `measure.wgsl`.
+/// The sums of one tile; the layout matches `MeasureTile` in `measure.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -83,9 +83,9 @@ pub struct FrameSums {
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
-    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier; the test rejects it if
-    /// it lies outside the box of the current colours of the 3 x 3 pixels around the pixel. Only pixels of one quarter that are linked at lag 1 are
-    /// tested. Each frame uses a different quarter.
+    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier; the test
+    /// rejects it if it lies outside the box of the current colours of the 3 x 3 pixels around the pixel. Only those pixels of one quarter
+    /// are tested that are linked at lag 1. Each frame uses a different quarter.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
@@ -148,7 +148,7 @@ pub struct Stream {
     pub signal: wgpu::Buffer,
     /// The resolve that is applied to the shaded pictures before they are measured.
     pub resolve: Resolve,
-    /// The ring of resolved pictures, and two histories; `None` without a resolve.
+    /// The ring of resolved pictures, and a buffer with two histories of the resolve; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
     tiles: wgpu::Buffer,
     histogram: wgpu::Buffer,
@@ -170,7 +170,7 @@ pub struct Meter {
     /// Links between frames.
     pub motion: Motion,
     temporal: Option<Temporal>,
-    /// The streams, in the order in which they were given.
+    /// The streams, in the order of the resolves that were given to `Meter::new`.
     pub streams: Vec<Stream>,
     index: u32,
 }
@@ -182,7 +182,7 @@ static WGSL: Wgsl = Wgsl::new("metrics/measure.wgsl", include_str!("measure.wgsl
     ("MEASURE_BINS_PER_OCTAVE", Constant::real(BINS_PER_OCTAVE)),
 ]);
 
-/// The stage's shader module.
+/// The shader module of the measurement.
 pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
@@ -223,7 +223,7 @@ impl Meter {
         Ok(Meter { size, pipeline, frame_layout, stream_layout, motion, temporal, streams, index: 0 })
     }
 
-    /// Where this frame's pictures are written in the rings, and where the earlier pictures begin.
+    /// Offsets in the rings: of the pictures of this frame, and of the pictures of the earlier frames.
     pub fn slots(&self) -> Slots {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
@@ -270,7 +270,8 @@ impl Meter {
         }
     }
 
-    /// Reads the sums of the frame, one per stream, and advances to the next frame. Must be called after the submission is done.
+    /// Reads the sums of the frame, one per stream, and advances to the next frame. The commands of the frame must have been submitted
+    /// before.
     ///
     /// # Errors
     /// When the device is lost.

@@ -12,7 +12,7 @@ use crate::shared;
 /// Edge of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
 
-/// The layout of `SeedFrame` in `seeds.wgsl`.
+/// The uniforms of the passes; the layout matches `SeedFrame` in `seeds.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -46,8 +46,8 @@ pub struct SeedSums {
 }
 
 impl SeedSums {
-    /// Returns the clumping of the errors: the variance of their means over blocks, relative to white noise of the same variance. White noise has 1.
-    /// `None` if all errors are 0.
+    /// Returns the clumping of the errors: the variance of their means over blocks, relative to white noise of the same variance. White
+    /// noise has 1. `None` if all errors are 0, or no block is all terrain.
     pub fn clumping(&self) -> Option<f64> {
         (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
     }
@@ -75,7 +75,7 @@ pub struct SeedStream {
     blocks: wgpu::Buffer,
 }
 
-/// The passes that compute these sums.
+/// The passes that compute `SeedSums` and `VarianceSums`.
 pub struct Seeds {
     size: [u32; 2],
     add: wgpu::ComputePipeline,
@@ -87,7 +87,7 @@ pub struct Seeds {
 
 static WGSL: Wgsl = Wgsl::new("metrics/seeds.wgsl", include_str!("seeds.wgsl"), &[&shared::MOMENTS, &shared::SIGNAL]);
 
-/// The stage's shader module.
+/// The shader module of these passes.
 pub static MODULE: ShaderModule = ShaderModule::new("seeds", &[&WGSL]);
 
 impl Seeds {
@@ -155,7 +155,7 @@ impl Seeds {
         }
     }
 
-    /// Records the pass that adds the pictures of one seed. `count`: the number of seeds so far, including this one.
+    /// Records the passes that add the pictures of one seed. `count`: the number of seeds so far, including this one.
     pub fn encode_add(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
         self.encode(gpu, encoder, streams, count, &[&self.add, &self.arrange]);
     }

@@ -1,4 +1,4 @@
-//! The links of one sequence of pictures, read back frame by frame.
+//! Links between the pictures of one sequence, read back after each frame.
 
 use super::{Motion, Slots};
 use crate::base::error::Result;
@@ -14,7 +14,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// Compiles the pass and allocates its buffers for pictures of `size` pixels.
+    /// Compiles the motion pass and allocates its buffers for pictures of `size` pixels.
     ///
     /// # Errors
     /// When the shader does not compile or the device is out of memory.

@@ -33,14 +33,15 @@ pub const NO_LINK: u32 = u32::MAX;
 /// for two reasons only: the stored normal is quantised (an error of less than 1 degree), and the ground is curved over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Where the pictures of a frame and of the earlier frames begin in their ring buffers, as offsets in pixels.
+/// Offsets in the ring buffers, pixels: the beginning of the picture of this frame, and of the pictures of the earlier frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// Offset of this frame's picture.
     pub now: u32,
     /// Offsets of the pictures 1 to 4 frames earlier.
     pub past: [u32; LAGS],
-    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for the box test, the histogram and lags 2 to 4.
+    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for lags 2 to 4, for rejections, and for the histogram of
+    /// differences.
     pub quarter: u32,
 }
 
@@ -52,7 +53,7 @@ impl Slots {
     }
 }
 
-/// The layout of `MotionFrame` in `motion.wgsl`.
+/// The uniforms of the pass; the layout matches `MotionFrame` in `motion.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -68,10 +69,10 @@ pub struct MotionFrame {
 static WGSL: Wgsl = Wgsl::new("motion/motion.wgsl", include_str!("motion.wgsl"), &[&view::WGSL, &shared::MOTION, &shared::VIEW])
     .with(&[("MOTION_NO_LINK", Constant::U32(NO_LINK))]);
 
-/// The stage's shader module.
+/// The shader module of the pass.
 pub static MODULE: ShaderModule = ShaderModule::new("motion", &[&WGSL]);
 
-/// The pass, and the buffers and views that it keeps from frame to frame.
+/// The motion pass, and the buffers and views that it keeps from frame to frame.
 pub struct Motion {
     pipeline: wgpu::ComputePipeline,
     targets_layout: wgpu::BindGroupLayout,
@@ -127,7 +128,8 @@ impl Motion {
         self.views.clear();
     }
 
-    /// Records the pass for the frame with the view `now`. `slots`: where the frame and the earlier frames are in the rings.
+    /// Records the pass for the frame with the view `now`. `slots`: the offsets of this frame and of the earlier frames in the ring
+    /// buffers.
     pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, now: &View, slots: &Slots) {
         let mut uniform = MotionFrame {
             lags: self.lags(),

@@ -13,12 +13,12 @@ struct MotionFrame {
 @group(1) @binding(0) var depth_target: texture_depth_2d;
 @group(1) @binding(1) var normal_target: texture_2d<f32>;
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
-// Metres along the view direction, one picture per slot; 0 = no terrain.
+// Distance of each pixel's surface point along the view direction, metres; 0 = no terrain. One picture per slot of the ring.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
 // For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the pixels
 // of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
-// Exact position of the point one frame earlier, pixels; -1e9 = not seen.
+// For each pixel, the exact position of its surface point one frame earlier, pixels; -1e9 = the point was not seen.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
 // The surface point of a pixel in this frame.
@@ -34,7 +34,7 @@ fn motion_point(pixel: vec2<u32>) -> MotionPoint {
     return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_plane(textureLoad(normal_target, pixel, 0)), distance);
 }
 
-// Where a point was seen some frames earlier, and the pixel nearest to that position.
+// The position of a surface point in an earlier picture, and the index of the pixel nearest to that position.
 struct MotionFound {
     link: u32,
     position: vec2<f32>,

@@ -6,7 +6,7 @@ use super::TOLERANCE;
 use crate::shared::motion::{Past, expected_distance, past_ray, reproject};
 use crate::view::camera::View;
 
-/// What the geometry pass wrote for a frame.
+/// The results of the geometry pass for one frame.
 pub struct Seen {
     /// The view of the frame.
     pub view: View,
@@ -16,7 +16,7 @@ pub struct Seen {
     pub planes: Vec<DVec3>,
 }
 
-/// Where the surface point of a pixel was seen in an earlier frame.
+/// The position of a pixel's surface point in an earlier frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
     /// The pixel nearest to the point's position in the earlier picture; `None` = the point was not seen.

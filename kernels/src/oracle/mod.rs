@@ -37,7 +37,7 @@ const BESIDE: [f64; 2] = [1e-3, 0.02];
 /// of a pixel at the point.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
-/// What is known about a pixel of terrain. Vectors are in world axes: x east, y north, z up.
+/// The values of one terrain pixel. Vectors are in world axes: x east, y north, z up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixel {
     /// Column and row, from the top left.
@@ -47,9 +47,9 @@ pub struct Pixel {
     pub position: [f64; 3],
     /// Sector that contains the position, counted from the world's south-west corner.
     pub sector: [i32; 2],
-    /// Metres along the view direction.
+    /// Distance of the surface point along the view direction, metres.
     pub depth_m: f64,
-    /// Metres along the pixel's ray.
+    /// Distance of the surface point from the camera, metres.
     pub distance_m: f64,
     /// Unit normal that shading, weights and projections use, as stored.
     pub shading_normal: [f64; 3],
@@ -116,7 +116,7 @@ impl Derivative {
 /// A texel of the splat map next to the pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texel {
-    /// Name of its material in the scene.
+    /// Name of the texel's material in the scene.
     pub material: String,
     /// Index of the material in the palette.
     pub index: u32,
@@ -145,7 +145,7 @@ pub struct Draw {
 /// A position in the virtual texture, and the size of the pixel there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Page {
-    /// The page that the pixel asks for.
+    /// The page that the pixel requests.
     pub id: PageId,
     /// Position in the page, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
     pub texel: [f64; 2],
@@ -311,7 +311,7 @@ struct Place {
 }
 
 impl Place {
-    /// Converts local coordinates, which count from the corner of the camera's sector.
+    /// Converts local coordinates, which are measured from the south-west corner of the camera's sector.
     fn of(camera_sector: [i32; 2], local: [f64; 3], sector_m: f64) -> Place {
         let steps = [local[0], local[1]].map(|x| (x / sector_m).floor());
         Place {

@@ -35,7 +35,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
         let n = d.direction();
         let centre = d.vector(-4.0, 14.0);
         let half = [0; 3].map(|_: i32| d.between(-6.0, 9.0).exp2());
-        // In half of the rows the nearest corner is close to the plane.
+        // In half of the rows, the corner that lies farthest towards the visible side is close to the plane.
         let reach: f64 = (0..3).map(|i| n[i].abs() * half[i]).sum();
         let off =
             if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * length(centre) * (2.0 * d.whole(2) - 1.0) } else { d.between(-4e3, 4e3) };
@@ -206,7 +206,7 @@ fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     one_sided(got, want, margin > 0.0, near || at_an_end)
 }
 
-/// Indices of the columns of [`OCCLUSION`].
+/// Indices of the columns of [`OCCLUSION`] at which the near distance, the two corners, the size and the stored depths begin.
 const NEAR: usize = 12;
 const LOW: usize = 13;
 const HIGH: usize = 16;
@@ -388,7 +388,7 @@ struct Exact {
     margin: [f64; 2],
     /// Error bound of the nearest distance, m.
     nearest_off_m: f64,
-    /// Largest relative error bound of a distance.
+    /// Largest error bound of the distance of a corner, relative to this distance.
     off: f64,
 }
 

@@ -85,7 +85,7 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         real("exact_z", "unit vector"),
     ],
     blocks: None,
-    // The step times `half` is exactly 1 for every number of bits.
+    // `step` is as octahedral_encode_precise requires: `half` times `step` is exactly 1 for every number of bits.
     wgsl: "\
 fn probe(row: array<f32, 4>) -> array<f32, 10> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -116,7 +116,8 @@ return array<f32, 10>(fast.x, fast.y, exact.x, exact.y, f.x, f.y, f.z, e.x, e.y,
     ],
 };
 
-/// Difference between the angles of `got` and `want` from the direction, degrees. The decoded vectors start at column `at`.
+/// Difference between two angles, degrees: from the input direction to the decoded vector of `got`, and to that of `want`. The decoded
+/// vectors start at column `at`.
 fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
     let n = octahedral::unit(three(row, 0));
     (angle_deg(three(got, at), n) - angle_deg(three(want, at), n)).abs()
@@ -160,15 +161,15 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // Rays have every angle of incidence. About half of them are nearly edge-on to the plane. In these rows, the choice of a lattice point
-        // depends on the side from which the ray sees the plane of that point.
+        // Rays have every angle of incidence. About half of them are nearly edge-on to the plane. In these rows, the choice of a lattice
+        // point (a plane that the encoding can store) depends on the side from which the ray sees the plane of that point.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
         let far = d.between(-4.0, 12.0).exp2();
         let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
-        // Shading normals lean away from the plane's upper normal by about a quarter of a degree to 90 degrees. For a quarter of the overhangs, they
-        // lean away from the lower normal.
+        // The shading normal is the plane's upper normal plus a random vector of length 1/256 to 1.4. For a quarter of the overhangs, the
+        // lower normal takes the place of the upper one.
         let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
         let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
         let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
@@ -182,7 +183,7 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             unit: "deg",
             error: |row, got, want| {
                 // A plane has no front side, so the smaller of the angles to its two normals counts. Codes are not compared, because two codes may be
-                // equally near. The error is the difference between the angle of the result and the angle of the reference.
+                // equally near. The error is the difference between this angle for the result and this angle for the reference.
                 let n = octahedral::unit(three(row, 0));
                 let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
                 (off(got) - off(want)).abs()
@@ -528,9 +529,9 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. Two words of different forms, one fine
-    // and one plain, count as a difference: rounding could only cause this if the code also lay on the border of the range that a fine word can
-    // store.
+    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. Two words of different forms,
+    // one fine and one plain (see normal_pair.rs), count as a difference: rounding could only cause this if the code also lay on the border
+    // of the range that a fine word can store.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
@@ -615,10 +616,11 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
-    // r is the ratio of the two values in `above`, and e its error. `power` is the resulting error of r^k. If k is at least 1, or if r is larger than
-    // 2 e, this error is e times the slope of r^k, for which `slope` is a bound. Otherwise r + e is at most 3 e, so r^k, and with it the error, is at
-    // most (3 e)^k. In addition, log2 has an error of 2^-21 = 4 ULP near 1, which k multiplies. The relative error of exp2(-x) grows with x, but
-    // exp2(-x) falls. As x 2^-x is at most 0.54, the absolute error stays small; the 16 ULP cover it.
+    // r is the ratio of the smaller value in `above` to the larger one, e is the error of r, and `power` is the resulting error of r^k. If
+    // k is at least 1, or if r is larger than 2 e, `power` is e times `slope`, a bound on the slope of r^k. Otherwise r + e is at most 3 e,
+    // so r^k and its error are at most (3 e)^k. The tolerance also contains the error of log2 (2^-21 = 4 ULP near 1), multiplied by k, and
+    // the error of exp2(-x). The relative error of exp2(-x) grows with x, but x 2^-x is at most 0.54, so the absolute error stays below 16
+    // ULP.
     let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
     let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
     let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };

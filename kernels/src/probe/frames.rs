@@ -6,7 +6,7 @@ use crate::shared::moments::Moments;
 use crate::shared::motion::{self, Past};
 use crate::shared::real::{Real, add, dot, length};
 
-/// Largest number of samples in a stream.
+/// Largest number of samples in a stream of the probe `moments`.
 const LONGEST: i32 = 4096;
 
 pub(super) const MOMENTS: Probe = Probe {
@@ -18,9 +18,9 @@ pub(super) const MOMENTS: Probe = Probe {
         whole("count", "number of samples", 1, LONGEST),
     ],
     outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
-    // The shader reads the row from memory, so the compiler cannot know that the highest bit of the count is never set. Therefore it cannot know that
-    // `zero` is 0.
     blocks: None,
+    // `zero` is 0. The compiler must not know its value, or it would simplify the compensated sums of moments.wgsl. The shader reads the
+    // count from memory, so for the compiler the highest bit of the count may be set.
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
     let count = u32(row[2]);

@@ -43,7 +43,7 @@ pub enum Verdict {
 pub struct Draw {
     /// Index of the row.
     pub row: u32,
-    /// Numbers drawn so far.
+    /// How many numbers have been drawn so far.
     pub column: u32,
     /// Number of the table. Each table has its own sequence of random numbers.
     pub table: u32,
@@ -145,7 +145,8 @@ pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     v
 }
 
-/// A random unit vector below the equator. The angle between it and the fold, where x changes its sign, is `degrees`.
+/// A random unit vector whose z is at most 0. The angle between it and the plane x = 0 is `degrees`. In the lower half of the octahedron,
+/// the octahedral map has a fold at this plane.
 pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::PI).sin_cos();
@@ -180,7 +181,8 @@ pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> 
     if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
 }
 
-/// Error bound of a level, which is a log2: the error of the function `log2`, plus the relative error of its argument, `ulps` ULP, divided by ln 2.
+/// Error bound of a level, which is the log2 of a number. It is the sum of the error of the function `log2` and of the error that the
+/// number causes: its relative error, `ulps` ULP, divided by ln 2.
 pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
     2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
 }

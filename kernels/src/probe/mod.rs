@@ -39,7 +39,7 @@ const MASK_PLACES: i32 = (RANKS * (1 + SLICES)).cast_signed() - 1;
 pub struct Column {
     /// Name in the table's header.
     pub name: &'static str,
-    /// Unit, or what the number means.
+    /// Unit of the numbers, or their meaning.
     pub unit: &'static str,
     /// Smallest and largest value of a column of whole numbers; `None` = every number is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -118,7 +118,7 @@ fn numbers<T: Cell>(columns: &[Column], cells: &[T]) -> Vec<f64> {
 pub struct Probe {
     /// The name used on the command line.
     pub name: &'static str,
-    /// Description for readers, one sentence.
+    /// Description in one sentence.
     pub about: &'static str,
     /// Input columns.
     pub inputs: &'static [Column],
@@ -126,7 +126,8 @@ pub struct Probe {
     pub outputs: &'static [Column],
     /// WGSL that defines the function `probe`, which calls the shared functions. [`Probe::layout`] gives the types of its argument and of its result.
     pub wgsl: &'static str,
-    /// Format of a block-compressed texture, if the first words of each row are a block that the device decodes.
+    /// Format of a block-compressed texture, if the first words of each row are a block that the device decodes; `None` = the rows have no
+    /// blocks.
     blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
@@ -157,7 +158,7 @@ pub struct Measure {
 pub struct Parameter {
     /// Name. It must not be the name of a column.
     pub name: &'static str,
-    /// Unit, or what the number means.
+    /// Unit of the numbers, or their meaning.
     pub unit: &'static str,
     set: fn(&mut Vec<f64>, f64, &mut Draw),
 }
@@ -214,7 +215,8 @@ impl Probe {
         Ok(all)
     }
 
-    /// The types that the shader takes and returns: reals, or bits if a column holds words.
+    /// The types that the shader takes and returns: reals; bits, if a column holds words; bits and a texel, if the rows begin with a
+    /// compressed block.
     pub fn layout(&self) -> Cells {
         match self.blocks {
             Some(format) => Cells::Texel(format),
@@ -223,7 +225,7 @@ impl Probe {
         }
     }
 
-    /// Rows as the f32 reference and the GPU see them: reals are rounded to f32.
+    /// Rows as the f32 reference and the GPU receive them: reals are rounded to f32.
     pub fn rounded(&self, rows: &[f64]) -> Vec<f64> {
         numbers(self.inputs, &cells::<f32>(self.inputs, rows))
     }
@@ -242,8 +244,8 @@ impl Probe {
             .map(|(_, unit)| unit)
     }
 
-    /// A random row in which the parameter or column of this name has this value. The row is rounded to f32, as all implementations receive it.
-    /// `None` if the name is unknown or the column does not accept the value.
+    /// A random row in which the parameter or column of this name has this value. The row is rounded to f32, so that the GPU and both
+    /// references receive the same numbers. `None` if the name is unknown or the column does not accept the value.
     pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);
         if let Some(found) = self.parameters.iter().find(|known| known.name == parameter) {

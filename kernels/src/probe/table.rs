@@ -1,5 +1,5 @@
-//! Evaluates a WGSL function for each row of a table, so that the GPU can be compared with the function's f64 reference. The function needs no
-//! bindings.
+//! Evaluates a WGSL function for each row of a table, so that the GPU can be compared with the function's f64 reference. The function
+//! cannot use bindings.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{self, Piece};

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use crate::view::camera::View;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, SECTORS, World};
 
-/// What the traversal needs to know about a loaded node.
+/// The data of a loaded node that the traversal uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeBounds {
     /// Lowest and highest elevation, metres.
@@ -29,12 +29,12 @@ pub struct Selection {
 /// Largest height of a quad on the screen, pixels. A node is split if, at its point nearest to the camera, a quad would be taller than this.
 pub const QUAD_PX: f64 = 2.5;
 /// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
-/// The lower bound keeps splat texels near the camera fine in small pictures. The upper bound limits the number of nodes in large pictures,
-/// because the resident nodes must fit in the atlases.
+/// The lower bound applies before the LOD bias. Without it, small pictures would have coarse nodes near the camera, and the splat texels of
+/// these nodes would be coarse, too. The upper bound limits the number of nodes in large pictures, because the resident nodes must fit in
+/// the atlases.
 pub const SPLIT_RATIO: [f64; 2] = [0.6, 2.0];
 
-/// Returns the split ratio: a visible node is split if its distance from the camera is less than this ratio times its edge length. Adding 1
-/// to the LOD bias halves the ratio.
+/// Returns the split ratio, see `SPLIT_RATIO`. Adding 1 to the LOD bias halves the ratio, unless the upper bound limits it.
 fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     let focal_px = f64::from(view.size[1]) / (2.0 * (view.pose.fov / 2.0).tan());
     let ratio = (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1]);

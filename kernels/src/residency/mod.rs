@@ -53,17 +53,17 @@ pub struct Streaming {
     layers: u32,
     /// Whether the [`Ground`] and the [`Cover`] of each node are kept, so that materials can be placed again.
     keeps_ground: bool,
-    /// How many times materials have been placed again.
+    /// How many times `lay_anew` has been called.
     revision: u64,
 }
 
-/// What has changed in the materials.
+/// Which properties of the materials have changed.
 pub struct Changes {
     /// Whether the rules, the strokes or the list of materials changed, so that materials must be placed again.
     pub relaid: bool,
     /// For each palette index, whether the mean albedo, smoothness or specular occlusion changed.
     pub means: Vec<bool>,
-    /// For each palette index, whether the palette entry (such as the tile size) or a texture of the material changed.
+    /// For each palette index, whether the palette entry (such as the size of a repeat) or a texture of the material changed.
     pub looks: Vec<bool>,
 }
 
@@ -71,7 +71,8 @@ struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
-    /// Gets a new value when the splat map of the node changes, or when the palette entry or a texture of one of its materials changes.
+    /// Identifies the state of the materials on the node. It gets a new value when the splat map of the node changes, or when the palette
+    /// entry, the means or a texture of one of its materials change.
     revision: u64,
     /// The ground and the cover from which the payload was made, if they are kept.
     source: Option<(Ground, Cover)>,
@@ -140,7 +141,7 @@ impl Streaming {
         }
     }
 
-    /// Begins a frame. Nodes that the frame uses are not evicted during it.
+    /// Begins a frame. Nodes that the frame uses stay resident until the next frame begins.
     pub fn begin_frame(&mut self) {
         self.frame += 1;
         self.loaded = 0;
@@ -169,8 +170,8 @@ impl Streaming {
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
             let source = self.keeps_ground.then_some((ground, cover));
-            // If the node was evicted and is now loaded again, pages made from it may be older than its materials; the new revision marks
-            // them as stale.
+            // If the node was evicted earlier, pages of the virtual texture may have been rendered from it with older materials. The new
+            // revision marks such pages as stale.
             let resident = Resident { slot, bounds, used: self.frame, revision: self.revision, source };
             self.resident.insert(payload.id, resident);
             self.loaded += 1;

@@ -22,7 +22,7 @@ pub struct FlavourDemand {
 pub struct Demands {
     /// All five flavours, in the order of their bits.
     pub flavours: Vec<FlavourDemand>,
-    /// Whether the terrain has holes: the vertex stage then reads the baked albedo's alpha.
+    /// Whether the terrain has holes. If so, the vertex stage reads the alpha of the baked albedo.
     pub holes: bool,
     /// Whether the colour modulation map is made and sampled.
     pub colour_modulation: bool,
@@ -30,7 +30,7 @@ pub struct Demands {
     pub anisotropy: u16,
     /// Edge of detail textures, texels.
     pub detail_size: u32,
-    /// Layers of detail textures. Materials with the same source share a layer.
+    /// Number of layers in each array of detail textures. Materials with the same source share a layer.
     pub detail_layers: u32,
 }
 

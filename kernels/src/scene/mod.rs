@@ -34,7 +34,8 @@ pub struct Scene {
     /// of these rules decides.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
-    /// Brush strokes, which change the result of the rules, in the order of painting: a later stroke covers an earlier one.
+    /// Brush strokes, in the order of painting. They change the result of the rules. Where strokes of kind `splat` overlap, the last one
+    /// decides.
     #[serde(default, rename = "stroke", skip_serializing_if = "Vec::is_empty")]
     pub strokes: Vec<Stroke>,
     /// Edge length of detail textures, texels, a power of two in 64..=2048. The texture of heights and colour masks has half this edge length.
@@ -84,7 +85,7 @@ pub enum World {
     },
     /// An imported heightmap: 16-bit samples, row 0 = north, samples are vertices.
     Heightmap {
-        /// 16-bit grey PNG. The path is relative to the folder of the scene file.
+        /// The heightmap, usually the 16-bit grey PNG that `import` writes. The path is relative to the folder of the scene file.
         file: PathBuf,
         /// Distance between neighbouring samples, metres.
         metres_per_texel: f64,
@@ -178,10 +179,11 @@ pub struct Rule {
     /// Width of the fade outside the curvature band, 1/m.
     #[serde(default)]
     pub curvature_fade: f64,
-    /// Wavelength of the noise mask, metres; 0 = no noise mask. The weight is multiplied by a smooth threshold of value noise.
+    /// Wavelength of the noise mask, metres; 0 = no noise mask. The mask is 1 where value noise is above a threshold and 0 where it is
+    /// below, with a smooth transition. The threshold follows from `noise_cover`.
     #[serde(default)]
     pub noise_m: f64,
-    /// Share of the ground, 0..1, where the noise mask lets the rule apply.
+    /// Share of the ground, 0..1, where the noise is above the threshold.
     #[serde(default = "half")]
     pub noise_cover: f64,
 }

@@ -22,7 +22,7 @@ pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 pub struct SceneText {
     /// The TOML.
     pub text: String,
-    /// Name of the scene in error messages.
+    /// Name by which error messages refer to the text.
     pub name: String,
     /// Folder to which relative file names refer.
     pub folder: PathBuf,
@@ -84,7 +84,7 @@ fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
         let what = setting.accept(table.get(key)?).err()?;
         Some(setting.place().sentence(what).wrong(text))
     });
-    // A problem in another line is a different mistake.
+    // A refused setting in another line is a different mistake, so `wrong` is kept.
     said.find(|said| said.line == wrong.line).unwrap_or(wrong)
 }
 

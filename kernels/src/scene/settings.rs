@@ -9,7 +9,7 @@ use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 /// Largest accepted absolute value of an elevation, a coordinate or a distance, metres. Larger values are probably mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
-/// Where every setting of a scene can be set. Settings that the workbench shows can be set there, too.
+/// Where every setting of a scene can be set. Settings that the workbench shows can also be set in the workbench.
 const HOMES: &[Home] = &[Home::SceneFile, Home::Definition, Home::Set];
 
 const FLAVOURS: Listing = Listing::new("Where flavours apply", HOMES);
@@ -40,7 +40,7 @@ table! {
         /// Beyond this distance cliffs, too, are shaded from the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
         /// Half the width of the blend between two flavours at a distance where the flavour changes, as a share of that distance.
-        // A blend of width 0 would make the shaders divide by zero. A width of a thousandth looks like a hard edge.
+        // Smaller widths are not needed: a width of a thousandth already looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
@@ -112,7 +112,8 @@ table! {
 /// Default edge of detail textures, texels.
 pub(super) const DETAIL_SIZE: u32 = 1024;
 
-/// The settings outside the optional tables. Which of the settings of `world` a scene has depends on the kind of its world.
+/// The settings of the table `world`, and those outside all tables of the scene file. The kind of the world decides which settings of
+/// `world` a scene has.
 const OTHERS: &[Setting<Scene>] = &[
     Setting {
         key: "world.seed",

@@ -32,7 +32,7 @@ impl Range {
         Range { least, most, above: false }
     }
 
-    /// Above `least`, up to `most`.
+    /// From `least`, which is refused, to `most`, which is accepted.
     pub const fn above(least: f64, most: f64) -> Range {
         Range { least, most, above: true }
     }
@@ -65,7 +65,7 @@ pub enum Kind {
     Flag,
     /// One of these names.
     Name(fn() -> Vec<&'static str>),
-    /// A text of several parts, with a description of its form. The field decides which texts it accepts.
+    /// A text of several parts. The argument describes the form of the text; the field decides which texts it accepts.
     Text(&'static str),
 }
 
@@ -223,16 +223,16 @@ impl Field for bool {
     }
 }
 
-/// How a setting is listed: its group, where it can be set, and how the workbench shows it.
+/// How a setting is listed: its group, the places where it can be set, and its control in the workbench.
 #[derive(Clone, Copy, Debug)]
 pub struct Listing {
-    /// Its group.
+    /// Group of the setting.
     pub group: &'static str,
-    /// Where it can be set.
+    /// Where the setting can be set.
     pub homes: &'static [Home],
-    /// The workbench's short label, unique in the window; `None` = the workbench does not show it.
+    /// The workbench's short label, unique in the window; `None` = the workbench does not show the setting.
     pub label: Option<&'static str>,
-    /// Its slider; `None` = the workbench does not use a slider.
+    /// Slider of the setting; `None` = the workbench does not use a slider.
     pub slider: Option<Slider>,
 }
 
@@ -241,7 +241,7 @@ pub struct Listing {
 pub struct Slider {
     /// Smallest and largest number of the slider, within the accepted range. Accepted numbers outside the slider can be typed.
     pub ends: [f64; 2],
-    /// Whether it is logarithmic.
+    /// Whether the scale of the slider is logarithmic.
     pub logarithmic: bool,
 }
 
@@ -270,19 +270,19 @@ impl Listing {
     }
 }
 
-/// A setting of a `T`.
+/// A setting of owners of type `T`.
 pub struct Setting<T: 'static> {
-    /// Its key: the path to it in a scene file, or `frame.` followed by its name.
+    /// Key of the setting: its path in a scene file, or `frame.` followed by its name.
     pub key: &'static str,
-    /// Its unit; empty = none.
+    /// Unit of the value; empty = none.
     pub unit: &'static str,
-    /// The values that it accepts.
+    /// The values that the setting accepts.
     pub kind: Kind,
     /// The default value; `None` = there is no default, so a value must be given.
     pub default: fn() -> Option<Value>,
-    /// Its description, in whole sentences.
+    /// Description of the setting, in whole sentences.
     pub about: &'static str,
-    /// Its group, where it can be set, and how it is shown.
+    /// Group of the setting, where it can be set, and how it is shown.
     pub listing: Listing,
     /// Where the value is stored; `None` = this `T` does not have the setting.
     pub field: fn(&T) -> Option<&dyn Field>,
@@ -431,12 +431,12 @@ macro_rules! named {
 pub(crate) use named;
 
 impl<T> Setting<T> {
-    /// The last part of its key.
+    /// The last part of the key.
     pub fn name(&self) -> &'static str {
         self.key.rsplit('.').next().unwrap_or(self.key)
     }
 
-    /// Its place in a document.
+    /// Place of the setting in a document.
     pub fn place(&self) -> At {
         self.key.split('.').fold(At::top(), |at, step| at.key(step))
     }
@@ -446,7 +446,7 @@ impl<T> Setting<T> {
         (self.field)(owner).map(Field::value)
     }
 
-    /// Its label in the workbench, or its name if the workbench does not show it.
+    /// Label of the setting in the workbench, or its name if the workbench does not show it.
     pub fn label(&self) -> &'static str {
         self.listing.label.unwrap_or_else(|| self.name())
     }
@@ -478,7 +478,7 @@ impl<T> Setting<T> {
             return Ok(());
         }
         let hint = match (self.kind, value) {
-            // The sentence already lists all names.
+            // The sentence already lists all names, so the hint gives only the nearest one.
             (Kind::Name(names), Value::String(name)) => nearest(name, &names()).map_or_else(String::new, did_you_mean),
             _ => String::new(),
         };

@@ -27,37 +27,37 @@ pub enum Home {
 /// The data of a [`Setting`] without the type of its owner, for display and for output.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Its key.
+    /// Key of the setting.
     pub key: &'static str,
-    /// Its group.
+    /// Group of the setting.
     pub group: &'static str,
-    /// The value that an owner stores; `None` if [`Setting::row`] was called without an owner.
+    /// The value that an owner stores; `None` if [`Setting::row`] was called without an owner, or if the owner does not have the setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
     /// The default value; `None` = there is no default, so a value must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
-    /// What a value must be.
+    /// Description of the accepted values.
     pub accepts: String,
     /// Smallest and largest number, if the setting is a number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
-    /// Its unit; empty = none.
+    /// Unit of the value; empty = none.
     pub unit: &'static str,
-    /// What it does.
+    /// Description of the setting.
     pub about: &'static str,
-    /// Where it can be set.
+    /// Where the setting can be set.
     #[serde(skip)]
     pub places: Vec<String>,
 }
 
 impl<T> Setting<T> {
-    /// The option of `experiments render` that sets it, without dashes in front: `lod-bias`.
+    /// The option of `experiments render` that sets this setting, without dashes in front: `lod-bias`.
     pub fn option(&self) -> String {
         self.name().replace('_', "-")
     }
 
-    /// Whether it can be set in `home`.
+    /// Whether the setting can be set in `home`.
     pub fn has_home(&self, home: Home) -> bool {
         self.listing.homes.contains(&home) || home == Home::Workbench && self.listing.label.is_some()
     }

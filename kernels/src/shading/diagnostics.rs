@@ -6,7 +6,7 @@ use crate::base::wgsl::{Constant, Wgsl};
 const FETCH_BITS: u32 = 16;
 const CHOICE_BITS: u32 = 8;
 
-/// `diagnostics.wgsl`: `diagnostics_pack` and its inverses.
+/// `diagnostics.wgsl`: `diagnostics_pack`, and the functions that extract the fetches and the choice from its result.
 pub static WGSL: Wgsl = Wgsl::new("shading/diagnostics.wgsl", include_str!("diagnostics.wgsl"), &[])
     .with(&[("DIAGNOSTICS_FETCH_BITS", Constant::U32(FETCH_BITS)), ("DIAGNOSTICS_CHOICE_BITS", Constant::U32(CHOICE_BITS))]);
 

@@ -25,8 +25,9 @@ pub enum Estimator {
     /// random. A fixed choice would change the scale abruptly at some distances. Hex tiling reduces the contrast of textures.
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
-    /// *Stochastic Texture Filtering*, 2023). On near and far cliff, its mean is the mean of `Fc5`. On splat, its mean is the blend of near cliff,
-    /// because the height blend of splat would need the heights of all four materials. There is no anisotropic filtering.
+    /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. With an anisotropy of 1, its mean on near and far cliff is
+    /// the mean of `Fc5`. On splat, its mean is the exact blend of near cliff, because the height blend of splat would need the heights of
+    /// all four materials.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
     /// the height blend. Far cliff uses only the lower of the two scales, so its scale changes abruptly at some distances.
@@ -44,7 +45,8 @@ pub enum Estimator {
 /// Factor on the variance that [`Estimator::Variance`] writes, so that f16 values stay out of the range of denormals.
 pub const VARIANCE_SCALE: f64 = 1024.0;
 
-/// Fetches per pixel of an estimator on near cliff, far cliff and splat, and whether it draws random numbers on each of them.
+/// Name of an estimator, its fetches per pixel on near cliff, far cliff and splat, and whether it draws random numbers on each of these
+/// flavours.
 struct Taken {
     name: &'static str,
     fetches: [u32; 3],
@@ -133,7 +135,8 @@ impl Estimator {
     }
 
     /// Returns the estimator whose picture equals the mean of this estimator's pictures over seeds, for the flavours in which this estimator draws
-    /// random numbers. There is one exception: for splat, the mean of [`Estimator::Stf`] is the picture of near cliff.
+    /// random numbers. There are two exceptions. The mean of [`Estimator::Stf`] has no anisotropic filtering, and for splat, it is the
+    /// exact blend of near cliff.
     pub const fn mean(self) -> Estimator {
         match self {
             Estimator::Fc5 | Estimator::Stf => Estimator::Exact,

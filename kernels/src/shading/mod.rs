@@ -75,7 +75,8 @@ pub struct ShadingPass<'a> {
     pub keys: &'a [PipelineKey],
     /// Whether every key records diagnostics. If so, the diagnostics target is cleared even if the picture has no terrain tile.
     pub diagnostics: bool,
-    /// Whether each key has a pass of its own, named `shading: KEY`. If not, all keys share one pass, named `shading`.
+    /// Whether each key has a pass of its own, named after its kernel, such as `shading: vt`. If not, all keys share one pass, named
+    /// `shading`.
     pub timed: bool,
 }
 

@@ -1,4 +1,5 @@
-//! The WGSL files of shading: one per flavour and one per estimator, all called through `shade_surface`.
+//! The WGSL files of shading, and the files that each of them needs. Each flavour has a file. Each estimator has a file, too, except that
+//! estimators that replace random choices by their mean share `mean.wgsl`.
 
 use super::{Estimator, VARIANCE_SCALE, diagnostics, salt};
 use crate::base::wgsl::{Constant, Wgsl};
@@ -83,5 +84,5 @@ files! {
     ],
 }
 
-/// The files with the entry points.
+/// The file with the entry points.
 pub(super) const ROOTS: &[&Wgsl] = &[&SHADING];

@@ -76,7 +76,7 @@ fn shading_fragment(in: ShadingVarying) -> GBuffer {
 struct GBufferCounted {
     @location(0) albedo: vec4<f32>,
     @location(1) normal: vec4<f32>,
-    @location(2) diagnostics: u32,          // diagnostics_pack
+    @location(2) diagnostics: u32,          // packed by diagnostics_pack
 }
 
 @fragment

@@ -11,7 +11,7 @@ use super::real::Real;
 /// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
 
-/// The two axes, ascending, and their weights, which sum to 1: `biplanar_projections`.
+/// The two axes, ascending, and their weights, which sum to 1. In WGSL: `biplanar_projections`.
 ///
 /// w_i = ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), normalised; `sharpness` is k >= 0, the exponent of tri-planar weights. A component of at most 1/√3 has
 /// weight 0 for any k; if both components are at most 1/√3, the first axis gets all the weight. A vector without direction counts as the z axis.

@@ -33,7 +33,7 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
 
 // The pixels that a box covers on the screen, rounded outwards.
 struct CullingCover {
-    // Whether the cover is known.
+    // Whether it is known which pixels the box covers. If not, the other members have no meaning.
     known: bool,
     // First and last column and row of pixels, from the upper left corner.
     first: vec2<u32>,

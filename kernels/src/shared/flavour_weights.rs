@@ -120,7 +120,8 @@ fn ramp<T: Real>(x: T, low: T, high: T) -> T {
     t * t * (T::of(3.0) - T::of(2.0) * t)
 }
 
-/// 0 on the near side of a border, 1 beyond it, and a smooth step around it. Every distance is beyond a border of 0.
+/// 0 if `distance` is nearer than `border`, 1 if it is farther, with a smooth step around the border. `blend` is half the width of the
+/// step, as a share of `border`. Every distance is farther than a border of 0.
 fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
     let border: T = bounded(T::of(f64::from(border)), 0.0, 1e9);
     let blend: T = bounded(T::of(f64::from(blend)), 0.0, 1.0);

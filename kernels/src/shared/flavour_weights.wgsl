@@ -40,7 +40,8 @@ fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
     return t * t * (3.0 - 2.0 * t);
 }
 
-// 0 on the near side of a border, 1 beyond it, and a smooth step around it. Every distance is beyond a border of 0.
+// 0 if `distance` is nearer than `border`, 1 if it is farther, with a smooth step around the border. `blend` is half the width of the step,
+// as a share of `border`. Every distance is farther than a border of 0.
 fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
     let at = usable_positive_1(border, 1e9);
     let share = usable_positive_1(blend, 1.0);

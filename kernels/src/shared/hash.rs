@@ -38,7 +38,7 @@ pub const fn mix(seed: u32, salt: u32, level: u32) -> u32 {
     pcg(level.wrapping_add(pcg(salt.wrapping_add(pcg(seed)))))
 }
 
-/// A uniform number in [0, 1), with 32 bits, for a cell of an integer grid. World generation uses it for lattice values.
+/// A uniform number in [0, 1), with 32 bits, for a cell of an integer grid. Tests use it as a source of random numbers.
 pub fn unit2(ix: i32, iy: i32, seed: u32, salt: u32) -> f64 {
     f64::from(pcg4d([ix.cast_unsigned(), iy.cast_unsigned(), seed, salt])[0]) / 4_294_967_296.0
 }

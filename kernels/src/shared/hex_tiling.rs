@@ -37,7 +37,8 @@ pub fn level<T: Real>(repeats: T) -> i32 {
 pub fn at<T: Real>(sector: [i32; 2], position: [T; 2], sector_m: T, level: i32) -> HexTiling<T> {
     let level = level.clamp(LEVELS[0], LEVELS[1]);
     let skew = T::of(SKEW.0 as f64 / SKEW.1);
-    // Whole sectors are exact in fixed point: the unit is 2^-16 lattice spacings, so the edge of a sector has 2^(16 + level) = 64 `unit` units.
+    // Whole sectors are computed in fixed point, exactly, in steps of 2^-16 of the lattice spacing. The edge of a sector has 2^(16 + level)
+    // steps, which is 64 times `unit`.
     let unit = 1_i64 << (10 + level);
     let [sx, sy] = sector.map(i64::from);
     let whole = [sx * 64 * unit - sy * SKEW.0 * unit, 2 * sy * SKEW.0 * unit].map(|w| w.rem_euclid(1 << 32));

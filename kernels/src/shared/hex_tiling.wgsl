@@ -49,7 +49,8 @@ fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i
     let corner = floor(at);
     let f = clamp(at - corner, vec2<f32>(0.0), vec2<f32>(1.0));
     let id = (whole >> vec2<u32>(16u)) + bitcast<vec2<u32>>(vec2<i32>(corner));
-    // Each half of a cell is a triangle between the centres of three hexagons. The weights are its barycentric coordinates, sharpened.
+    // A cell of the skewed lattice consists of two triangles. The corners of a triangle are the centres of three hexagons, and the weights
+    // of the hexagons are the barycentric coordinates in this triangle, sharpened.
     let upper = f.x + f.y >= 1.0;
     var w = vec3<f32>(1.0 - f.x - f.y, f.x, f.y);
     if upper {

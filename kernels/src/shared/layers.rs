@@ -17,13 +17,14 @@ pub fn share<T: Real>(weights: [T; 4], layers: [u32; 4], layer: u32) -> T {
     of_layer.fold(T::zero(), |sum, (w, _)| sum + bounded(w, 0.0, 1.0))
 }
 
-/// Opacity of a layer, from its share and the sum of the shares of the layers below it. Both are clamped to 0..=1e30: `layers_opacity`.
+/// Opacity of a layer, from its share and the sum of the shares of the layers below it. Both are clamped to 0..=1e30. In WGSL:
+/// `layers_opacity`.
 pub fn opacity<T: Real>(layer: u32, share: T, below: T) -> T {
     let [share, below] = [share, below].map(|x| bounded(x, 0.0, 1e30));
     if layer == 0 { T::one() } else { share / (share + below).max(T::of(1e-30)) }
 }
 
-/// Weights of the layers if each layer is blended over the layers below it with its opacity, which is clamped to 0..=1.
+/// Weights of the layers in the result, if each layer is blended over the layers below it. `opacities` are clamped to 0..=1.
 pub fn weights<T: Real>(opacities: [T; LAYERS]) -> [T; LAYERS] {
     let opacities = opacities.map(|p| bounded(p, 0.0, 1.0));
     std::array::from_fn(|i| opacities[i + 1..].iter().fold(opacities[i], |w, &p| w * (T::one() - p)))

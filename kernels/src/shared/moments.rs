@@ -23,8 +23,8 @@ impl<T: Real> Moments<T> {
         Moments { mean: [T::zero(); 2], squares: [T::zero(); 2], count: 0 }
     }
 
-    /// Adds a sample in two parts (high, low): `moments_add`. A sample that is not finite, or farther than 1e15 from the mean so far, counts as the
-    /// mean. With this limit, the sum of a million squares fits f32.
+    /// Adds a sample in two parts (high, low). In WGSL: `moments_add`. A sample that is not finite, or farther than 1e15 from the mean so
+    /// far, counts as the mean. With this limit, the sum of a million squares fits f32.
     pub fn add(&mut self, sample: [T; 2]) {
         self.count = self.count.saturating_add(1);
         let n = T::of(f64::from(self.count));
@@ -44,7 +44,7 @@ impl<T: Real> Moments<T> {
         self.mean[0].to_f64() + self.mean[1].to_f64()
     }
 
-    /// Unbiased variance; 0 for fewer than two samples: `moments_variance`.
+    /// Unbiased variance; 0 for fewer than two samples. In WGSL: `moments_variance`.
     pub fn variance(&self) -> f64 {
         if self.count < 2 { 0.0 } else { (self.squares[0].to_f64() + self.squares[1].to_f64()).max(0.0) / f64::from(self.count - 1) }
     }
@@ -55,7 +55,7 @@ impl<T: Real> Moments<T> {
     }
 }
 
-/// Sum of a two-part number and a plain number: `moments_sum`.
+/// Sum of a two-part number and a plain number. In WGSL: `moments_sum`.
 fn sum<T: Real>(a: [T; 2], b: T) -> [T; 2] {
     let total = a[0] + b;
     let part = total - a[0];

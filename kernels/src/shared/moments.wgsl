@@ -9,7 +9,7 @@ fn moments_rounded(x: f32, zero: u32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ zero);
 }
 
-// Sum of a two-part number and a plain number: (high, low) with |low| at most half an ulp of high.
+// Sum of a two-part number and a plain number. The result is (high, low) with |low| at most half an ulp of high.
 fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
     let sum = moments_rounded(a.x + b, zero);
     let part = moments_rounded(sum - a.x, zero);

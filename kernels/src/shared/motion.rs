@@ -1,4 +1,4 @@
-//! Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras.
+//! Computes where an earlier camera saw a point of this frame, exactly, from depth and the two cameras.
 //!
 //! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and the component of r along the view
 //! direction f is 1. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and
@@ -31,7 +31,7 @@ pub struct Past<T> {
     pub y_shift: T,
 }
 
-/// The layout of `MotionPast` in `motion.wgsl`.
+/// The fields of `Past` in f32; the layout matches `MotionPast` in `motion.wgsl`, where the fields are explained.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -76,8 +76,8 @@ impl<T: Real> Past<T> {
     }
 }
 
-/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye: `motion_reproject`. `[-1e9, -1e9, 0]` if
-/// the point is behind the earlier camera or the input is not finite.
+/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The result is `[-1e9, -1e9, 0]`
+/// if the point is behind the earlier camera or the input is not finite. In WGSL: `motion_reproject`.
 pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
     let q = add(point, past.offset);
@@ -89,7 +89,8 @@ pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
 }
 
-/// The ray of a pixel of the earlier camera: `motion_past_ray`. Its component along the view direction is 1. Zero if the ray is not finite.
+/// The ray of a pixel of the earlier camera. Its component along the view direction is 1. Zero if the ray is not finite. In WGSL:
+/// `motion_past_ray`.
 pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);
@@ -97,8 +98,8 @@ pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     if ray.iter().all(|x| x.abs() <= T::of(1e30)) { ray } else { [T::zero(); 3] }
 }
 
-/// Distance at which the ray of an earlier pixel meets the plane through the point: `motion_expected_distance`. 0 if the plane is edge-on or the hit
-/// lies behind the camera.
+/// Distance at which the ray of an earlier pixel meets the plane through the point. 0 if the plane is edge-on or the hit lies behind the
+/// camera. In WGSL: `motion_expected_distance`.
 pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
     let along = dot(normal, ray);
     let distance = dot(normal, add(point, past.offset)) / along;
@@ -106,14 +107,14 @@ pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], no
     if hit { distance } else { T::zero() }
 }
 
-/// Whether a surface at the distance `found` in the earlier frame is the surface that is expected at the distance `expected`: `motion_same_surface`.
-/// The distances may differ by at most `tolerance` times `expected`. A distance of 0 means that there is no surface.
+/// Whether a surface at the distance `found` in the earlier frame is the surface that is expected at the distance `expected`. The distances
+/// may differ by at most `tolerance` times `expected`. A distance of 0 means that there is no surface. In WGSL: `motion_same_surface`.
 pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
 /// Whether a pixel belongs to a quarter of the pixels; `quarter` is 0 to 3. A quarter has every fourth pixel of a row, shifted by two pixels in the
-/// next row. In WGSL, `motion_of_quarter` returns which of four neighbouring pixels of a row belongs to a quarter.
+/// next row. In WGSL: `motion_of_quarter`, which returns the one of four neighbouring pixels of a row that belongs to the quarter.
 pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
     pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
 }

@@ -1,8 +1,9 @@
-// Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras, without a velocity target or a search.
-// Positions are relative to an eye, and the host computes the vector between the two eyes in f64, so the result is as precise 1000 km from the origin
-// as at the origin.
+// Computes where an earlier camera saw a point of this frame, exactly, from depth and the two cameras. This needs neither a velocity target
+// nor a search. Positions are relative to an eye, and the host computes the vector between the two eyes in f64, so the result is as precise
+// 1000 km from the origin as at the origin.
 
-// An earlier camera relative to this frame's eye. A dot product with `x_row` or `y_row` gives a pixel coordinate.
+// An earlier camera relative to this frame's eye. It sees a point q, relative to its eye, at the distance d = dot(forward, q) and at the
+// pixel (dot(x_row, q) / d - x_shift, dot(y_row, q) / d - y_shift).
 struct MotionPast {
     offset: vec3<f32>,      // this eye minus the earlier one, metres
     x_shift: f32,
@@ -30,8 +31,8 @@ fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
 }
 
 // The distance along the earlier view direction at which the ray through pixel centre `pixel` meets the plane through the point with normal `normal`;
-// `ray` is that pixel's ray, whose component along the view direction is 1. If the point was not occluded, the earlier depth must be close to this
-// distance. 0 if the plane is edge-on or the hit lies behind the camera.
+// `ray` is that pixel's ray, whose component along the view direction is 1. If the point was not occluded, the distance that the earlier
+// frame shows at this pixel is close to the result. The result is 0 if the plane is edge-on or the hit lies behind the camera.
 fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, normal: vec3<f32>) -> f32 {
     let along = dot(normal, ray);
     let to_plane = dot(normal, point + past.offset);

@@ -42,7 +42,7 @@ pub const IGN_SLOPES: [u32; 2] = [288_237_660, 25_070_368];
 pub const IGN_FRAME: u32 = 1_750_839_832;
 /// Interleaved gradient noise: the whole part of Jimenez' factor 52.9829189.
 pub const IGN_WHOLE: u32 = 52;
-/// Interleaved gradient noise: the fractional part of that factor, in units of 2^-32.
+/// Interleaved gradient noise: the fractional part of Jimenez' factor 52.9829189, in units of 2^-32.
 pub const IGN_REST: u32 = 4_221_604_530;
 
 /// A kind of noise: the source of thresholds.
@@ -130,7 +130,7 @@ impl NoiseKind {
         }
     }
 
-    /// Whether the thresholds come from [`blue_noise::ranks`]: `noise_needs_mask`.
+    /// Whether the thresholds come from [`blue_noise::ranks`]. In WGSL: `noise_needs_mask`.
     pub const fn needs_mask(self) -> bool {
         matches!(self, NoiseKind::Blue | NoiseKind::SpatioTemporalBlue)
     }
@@ -196,12 +196,12 @@ impl<T: Real> TwoScales<T> {
     }
 }
 
-/// Hashed-alpha thresholds, one scale for all axes: `noise_hashed_isotropic`.
+/// Hashed-alpha thresholds with one scale for all axes. In WGSL: `noise_hashed_isotropic`.
 pub fn hashed_isotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> [T; 4] {
     isotropic_scales(point, seed, salt).thresholds()
 }
 
-/// Hashed-alpha thresholds, one scale per axis: `noise_hashed_anisotropic`.
+/// Hashed-alpha thresholds with one scale per axis. In WGSL: `noise_hashed_anisotropic`.
 pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> [T; 4] {
     anisotropic_scales(point, seed, salt).thresholds()
 }
@@ -228,8 +228,9 @@ pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
     }
 }
 
-/// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`: `noise_correct`. Both arguments are
-/// in 0..=1. The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution function.
+/// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`. Both arguments are in
+/// 0..=1. The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution
+/// function. In WGSL: `noise_correct`.
 pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
     let one = T::one();
     let x = bounded(x, 0.0, 1.0);
@@ -248,18 +249,19 @@ pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
     bounded(p, 0.0, BELOW_ONE)
 }
 
-/// White noise per pixel and frame: `noise_white_screen`.
+/// White noise per pixel and frame. In WGSL: `noise_white_screen`.
 pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
     hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
 }
 
-/// White noise per cell. Cells are 2^-`level` m wide, `level` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]: `noise_white_world`.
+/// White noise per cell of a fixed grid in the world. Cells are 2^-`level` m wide; `level` is clamped to [`LEVEL_MIN`]`..=`[`LEVEL_MAX`].
+/// In WGSL: `noise_white_world`.
 pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt: u32) -> [T; 4] {
     cell_units(point, [level.clamp(LEVEL_MIN, LEVEL_MAX); 3], seed, salt)
 }
 
-/// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32: `noise_interleaved_gradient_value`. Each frame shifts the pixel
-/// by 5.588238 along both axes.
+/// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32. Each frame shifts the pixel by 5.588238 along both
+/// axes. In WGSL: `noise_interleaved_gradient_value`.
 pub fn interleaved_gradient_value(pixel: [u32; 2], frame: u32) -> u32 {
     let inner =
         pixel[0].wrapping_mul(IGN_SLOPES[0]).wrapping_add(pixel[1].wrapping_mul(IGN_SLOPES[1])).wrapping_add(frame.wrapping_mul(IGN_FRAME));
@@ -267,8 +269,8 @@ pub fn interleaved_gradient_value(pixel: [u32; 2], frame: u32) -> u32 {
     inner.wrapping_mul(IGN_WHOLE).wrapping_add(u32::from_le_bytes(rest))
 }
 
-/// Interleaved gradient noise for four decisions: `noise_interleaved_gradient`. For each decision, the pixel coordinates are shifted, transposed and
-/// mirrored differently, and the value gets a different offset modulo 1.
+/// Interleaved gradient noise for four decisions. For each decision, the pixel coordinates are shifted, transposed and mirrored
+/// differently, and the value gets a different offset modulo 1. In WGSL: `noise_interleaved_gradient`.
 pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
     [0, 1, 2, 3].map(|decision| {
         let [right, down, rotation, _] = hash::pcg4d([seed, salt, decision, IGN_FRAME]);
@@ -278,8 +280,9 @@ pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, sal
     })
 }
 
-/// Index into [`blue_noise::ranks`] of the rank for a decision (0..=3) of a pixel: `noise_rank_index`. The mask wraps around and is shifted by an
-/// offset that depends on seed, salt and decision. The index is 0 for kinds of noise without a mask.
+/// Returns the index in [`blue_noise::ranks`] at which the rank of a pixel is stored. A pixel makes up to four random decisions, each with
+/// a rank of its own; `decision` is 0..=3. The mask is repeated over the screen, and shifted by an offset that depends on seed, salt and
+/// decision. The index is 0 for kinds of noise without a mask. In WGSL: `noise_rank_index`.
 pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     const EDGE: u32 = blue_noise::EDGE;
     let slice = match kind {
@@ -292,8 +295,8 @@ pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt:
     slice * blue_noise::RANKS + y * EDGE + x
 }
 
-/// Converts four ranks of a mask to thresholds of 24 bits: (rank + jitter) / number of ranks. In WGSL: `noise_mask`. The jitter is a hash in [0, 1).
-/// It changes with the frame only if the ranks change with the frame.
+/// Converts four ranks of a mask to thresholds of 24 bits: (rank + jitter) / number of ranks. The jitter is a hash in [0, 1). It changes
+/// with the frame only if the ranks change with the frame. In WGSL: `noise_mask`.
 pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, ranks: [u32; 4]) -> [T; 4] {
     let frame = if kind.is_per_frame() { frame } else { 0 };
     let jitter = hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 1)]);
@@ -303,8 +306,8 @@ pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, sa
     })
 }
 
-/// The thresholds of this kind, for a point that is seen in a pixel of a frame: `noise_thresholds`. This function also looks up the ranks; in a
-/// shader, the caller loads them. `world_level` is used by [`white_world`].
+/// The thresholds of this kind, for a point that is seen in a pixel of a frame. `world_level` is the level of [`white_world`]; the other
+/// kinds do not use it. This function looks up the ranks of a mask itself; in WGSL (`noise_thresholds`), the caller loads them.
 pub fn thresholds<T: Real>(
     kind: NoiseKind,
     point: &HashedPoint<T>,
@@ -328,7 +331,7 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// log2(cells per metre) at which a cell is `footprint` metres wide; the finest level if the footprint is zero or NaN.
+/// The level, log2 of cells per metre, at which a cell is `footprint` metres wide; the finest level if the footprint is zero or NaN.
 fn level<T: Real>(footprint: T) -> T {
     bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
 }

@@ -1,12 +1,12 @@
 // Random thresholds in [0, 1) for stochastic choices. Each call returns four independent thresholds, one for each random decision of a pixel.
-// Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: a scale from screen derivatives (isotropic and anisotropic), a blend of two discrete
-// scales, and the distribution function that makes the blend uniform again. Cells are exact integers (sector index times cells per sector, plus cell
-// in sector), so the noise works equally well at the origin and 1000 km from it. noise.rs describes the other kinds of noise, and the constants
-// NOISE_... that the host passes to this file.
+// Source of the two hashed kinds: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017. They compute a scale from screen derivatives (one for
+// all axes, or one per axis), blend the random numbers of two discrete scales, and make the blend uniform by its distribution function.
+// Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise works equally well at the origin and
+// 1000 km from it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
 
 // Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If a sector is at least 32 m wide, its edge is a whole number of
-// cells long for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each NOISE_MASK_EDGE squared,
-// row by row.
+// cells long for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each with
+// NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
@@ -18,8 +18,8 @@ fn noise_level(footprint: f32) -> f32 {
     return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
 }
 
-// The lower of the two scales around a level; the upper one is always the next integer, so that the two cells differ even if the level is a whole
-// number.
+// The lower of the two scales around a level. The upper scale is always the next integer, so that the cells of the two scales differ even
+// if the level is a whole number.
 fn noise_lower(level: f32) -> f32 {
     return clamp(floor(level), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX - 1.0);
 }
@@ -79,8 +79,8 @@ fn noise_blend(coarse: vec4<f32>, fine: vec4<f32>, lerp_factor: f32) -> vec4<f32
     );
 }
 
-// Hashed alpha, isotropic. `position`: x, y metres in the sector, z metres of elevation; `ddx`, `ddy`: position's
-// screen derivatives, metres per pixel; `hash_scale`: cell size in pixels; `sector_m`: a power of two, 32..=16384.
+// Hashed alpha with one scale for all axes. `position`: x, y metres in the sector, z metres of elevation; `ddx`, `ddy`: position's screen
+// derivatives, metres per pixel; `hash_scale`: cell size in pixels; `sector_m`: a power of two, 32..=16384.
 fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
     let level = noise_level(hash_scale * max(length(ddx), length(ddy)));
     let lower = noise_lower(level);
@@ -90,7 +90,7 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
     return noise_blend(coarse, fine, level - lower);
 }
 
-// Hashed alpha, anisotropic: one scale per axis. The parameters are those of noise_hashed_isotropic.
+// Hashed alpha with one scale per axis. The parameters are those of noise_hashed_isotropic.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
     // The factor is sqrt 2, because the diagonal of a cell, not its edge, spans the pixel.
     let footprint = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
@@ -119,7 +119,7 @@ fn noise_white_world(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, leve
     return noise_cell_units(sector, position, sector_m, vec3<i32>(k), seed, salt);
 }
 
-// The high word of a product.
+// The high word of the 64-bit product of two words.
 fn noise_high_product(a: u32, b: u32) -> u32 {
     let low = (a & 0xffffu) * (b & 0xffffu);
     let middle = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
@@ -147,13 +147,14 @@ fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32
     return units;
 }
 
-// Whether the caller has to load ranks.
+// Whether a kind of noise uses ranks, which the caller then has to load.
 fn noise_needs_mask(kind: u32) -> bool {
     return kind == NOISE_BLUE || kind == NOISE_SPATIO_TEMPORAL_BLUE;
 }
 
-// Index into the buffer of ranks for a decision, 0..=3. The mask wraps around and is shifted by an offset that depends on seed, salt and decision;
-// the shift does not change its spectrum. The index is 0 for kinds of noise without a mask.
+// Returns the index in the buffer of ranks at which the rank of a pixel is stored. A pixel makes up to four random decisions, each with a
+// rank of its own; `decision` is 0..=3. The mask is repeated over the screen, and shifted by an offset that depends on seed, salt and
+// decision; the shift does not change its spectrum. The index is 0 for kinds of noise without a mask.
 fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     if !noise_needs_mask(kind) {
         return 0u;

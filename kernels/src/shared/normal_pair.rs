@@ -121,7 +121,7 @@ pub fn decode<T: Real>(word: u32) -> Pair<T> {
     if word >> 31 == 0 {
         let p = unpack_diamond(word >> 10, FINE);
         let predicted = predict(p);
-        // The number that has these low bits and differs from the predicted number by -16..16.
+        // The number that has these low bits and differs from the predicted number by -16 to 15.
         let code = |low: u32, predicted: i32| {
             let code = predicted + (((low & 31).cast_signed() - predicted + 16) & 31) - 16;
             code.clamp(0, 254).cast_unsigned()
@@ -143,8 +143,8 @@ mod tests {
         Draw { row: test, column: 0, table: 8 }
     }
 
-    /// Draws a random code of a shading normal, as is typical of terrain. The angle between the shading normal and the plane's normal has a lognormal
-    /// distribution with median 2 degrees and sigma 1.1.
+    /// Draws a random code of a shading normal that is typical of terrain. The angle between the shading normal and the plane's normal has
+    /// a lognormal distribution with median 2 degrees and sigma 1.1.
     fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
         let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
         let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();

@@ -91,7 +91,7 @@ fn normal_pair_decode(word: u32) -> NormalPair {
         let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);
         let predicted = normal_pair_predict(p);
         let low = vec2<i32>(vec2<u32>(word >> 5u, word) & vec2<u32>(31u));
-        // The number that has these low bits and differs from the predicted number by -16..16.
+        // The number that has these low bits and differs from the predicted number by -16 to 15.
         let shading = predicted + ((low - predicted + 16) & vec2<i32>(31)) - 16;
         return NormalPair(normal_pair_direction(p, NORMAL_PAIR_FINE), clamp(shading, vec2<i32>(0), vec2<i32>(254)));
     }

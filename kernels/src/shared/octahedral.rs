@@ -62,7 +62,7 @@ pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
     code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
 }
 
-/// Returns, among the four codes around `n`, the code whose decoded direction is nearest to `n` ("oct-P" in the survey).
+/// Returns the code whose decoded direction is nearest to `n`, among the four codes around `n` ("oct-P" in the survey).
 pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let n = unit(n);
     let half = half(bits);
@@ -81,17 +81,18 @@ pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     best
 }
 
-/// The values that two unorm8 channels store for a point of the square: `octahedral_quantise8`.
+/// The values that two unorm8 channels store for a point of the square. In WGSL: `octahedral_quantise8`.
 pub fn quantise8<T: Real>(e: [T; 2]) -> [T; 2] {
     quantise(e, 8).map(stored8)
 }
 
-/// The point of the square that two unorm8 channels stand for: `octahedral_dequantise8`.
+/// The point of the square that two unorm8 channels stand for. In WGSL: `octahedral_dequantise8`.
 pub fn dequantise8<T: Real>(stored: [T; 2]) -> [T; 2] {
     dequantise(stored.map(|s| code((bounded(s, 0.0, 1.0) * T::of(255.0)).round())), 8)
 }
 
-/// The values that two unorm8 channels store for a direction, with the code that [`encode_precise`] finds: `octahedral_encode8_precise`.
+/// The values that two unorm8 channels store for a direction, with the code that [`encode_precise`] finds. In WGSL:
+/// `octahedral_encode8_precise`.
 pub fn encode8_precise<T: Real>(n: [T; 3]) -> [T; 2] {
     encode_precise(n, 8).map(stored8)
 }

@@ -53,7 +53,7 @@ fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {
     return clamp(round(usable_2(e) * half), vec2<f32>(-half), vec2<f32>(half));
 }
 
-// Returns, among the four codes around n, the code whose decoded direction is nearest to n ("oct-P" in the survey).
+// Returns the code whose decoded direction is nearest to n, among the four codes around n ("oct-P" in the survey).
 fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     let unit = octahedral_unit(n);
     let low = floor(octahedral_encode(unit) * half);

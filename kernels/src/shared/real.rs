@@ -59,7 +59,7 @@ pub fn length<T: Real, const N: usize>(a: [T; N]) -> T {
     dot(a, a).sqrt()
 }
 
-/// Unit vector along `a`; the z axis if `a` has no direction, as in the shaders.
+/// Unit vector along `a`; the z axis if the length of `a` is 0 or not finite.
 pub fn normalize<T: Real>(a: [T; 3]) -> [T; 3] {
     let l = length(a);
     if l > T::zero() && l.is_finite() { scale(a, T::one() / l) } else { [T::zero(), T::zero(), T::one()] }

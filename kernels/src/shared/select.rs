@@ -25,12 +25,12 @@ pub fn select<T: Real, const N: usize>(weights: [T; N], u: T) -> usize {
     chosen
 }
 
-/// Chooses one of four indices by weight: `select_of_4`.
+/// Chooses one of four indices by weight. In WGSL: `select_of_4`.
 pub fn of_4<T: Real>(weights: [T; 4], u: T) -> usize {
     select(weights, u)
 }
 
-/// Chooses one of three indices by weight: `select_of_3`.
+/// Chooses one of three indices by weight. In WGSL: `select_of_3`.
 pub fn of_3<T: Real>(weights: [T; 3], u: T) -> usize {
     select(weights, u)
 }

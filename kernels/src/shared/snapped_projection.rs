@@ -1,7 +1,8 @@
 //! A single projection. Gentle slopes are projected from above. Steep slopes are projected horizontally, in the direction whose azimuth is the
 //! multiple of 45° that is nearest to the normal's azimuth.
 //!
-//! Planes 0, 1, 2 are the planes of tri-planar projection, which look along x, y, z. Plane 3 looks along (1, 1), plane 4 along (1, -1).
+//! Planes 0, 1 and 2 are those of tri-planar projection along x, y and z. Textures on plane 3 are projected along (1, 1), on plane 4 along
+//! (1, -1).
 //! After Terrain3D (TokisanGames, `main.glsl`, `get_material`): there, the normal at a splat texel is rounded to a coarse grid if its vertical
 //! component is below a threshold (0.8), and the texture is projected onto the plane perpendicular to the rounded normal. Here, the normal of the
 //! pixel is used, and only its azimuth is rounded.

@@ -11,7 +11,7 @@ use super::{bounded, usable};
 pub const MAX_HEIGHT: f64 = 1024.0;
 /// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
-/// A bilinear weight below this counts as zero, because f32 cannot divide by it.
+/// A bilinear weight of at most this value counts as zero, so that quotients of weights stay in the range of f32.
 pub const MIN_WEIGHT: f64 = 1e-30;
 
 /// Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
@@ -69,7 +69,7 @@ impl<T: Real> Run<T> {
         let h = bounded(usable(height), -MAX_HEIGHT, MAX_HEIGHT);
         let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
         let score = w.log2() + k * h;
-        // The term (w, h) divided by the largest term, `winner`.
+        // The term of weight `w` and height `h`, divided by the largest term, `winner`.
         let ratio = |w: T, h: T, winner: (T, T)| (w / winner.0) * (k * (h - winner.1)).exp2();
         if score > self.score {
             let keep = if self.weight > T::zero() { ratio(self.weight, self.height, (w, h)) } else { T::zero() };

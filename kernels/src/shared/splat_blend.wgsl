@@ -5,7 +5,7 @@
 // Heights and sharpness beyond these limits are clamped.
 const SPLAT_BLEND_MAX_HEIGHT: f32 = 1024.0;
 const SPLAT_BLEND_MAX_SHARPNESS: f32 = 1e4;
-// A bilinear weight below this counts as zero, because f32 cannot divide by it.
+// A bilinear weight of at most this value counts as zero, so that quotients of weights stay in the range of f32.
 const SPLAT_BLEND_MIN_WEIGHT: f32 = 1e-30;
 
 // Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
@@ -43,7 +43,7 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
         best_weight = w.w;
         best_height = h.w;
     }
-    // Only unused texels can reach this limit. It keeps the unused operand of the following select finite.
+    // Only unused texels can reach this limit. It keeps their terms finite, although the following `select` does not use them.
     let exponent = min(k * (h - vec4<f32>(best_height)), vec4<f32>(120.0));
     let bent = select(vec4<f32>(0.0), (w / best_weight) * exp2(exponent), used);
     return bent / (bent.x + bent.y + bent.z + bent.w);

@@ -5,12 +5,13 @@
 use super::bounded;
 use super::real::Real;
 
-/// Largest value of the lower of the two scales that are blended. At this scale, a texture repeats every 2^7 tiles; at the upper scale, it repeats
-/// every 2^8 tiles.
+/// Largest value of the lower of the two scales that are blended. At this scale, a repeat of a texture is 2^7 times as wide as at scale 0;
+/// at the upper scale, it is 2^8 times as wide.
 pub const MAX_LEVEL: f64 = 7.0;
 
-/// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one
-/// scale per octave of `distance` beyond `near` (both in metres). `cliff`, 0..=1, is the weight of cliff; flat ground keeps scale 0.
+/// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f. At scale s, a repeat of a texture is 2^s times as wide as
+/// at scale 0. There is one scale per octave of `distance` beyond `near` (both in metres). `cliff`, 0..=1, is the weight of cliff; flat
+/// ground keeps scale 0.
 pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
     let near = bounded(near, 1e-6, 1e9);
     let octaves = (bounded(distance, 0.0, 1e9).max(near) / near).log2();
@@ -20,8 +21,9 @@ pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
 }
 
 /// Texture repeats per sector in the fixed-point format of [`fixed`]: 24 fractional bits, modulo 2^32 ([`fixed`] does not need the higher bits).
-/// `sector_m` and `tile_m` are in metres, tile_m > 0. The actual size of a tile is `sector_m` divided by the rounded repeats of [`repeats`]. For the
-/// part of a coordinate within the sector, also use the rounded repeats, so that textures are continuous across sector borders.
+/// `sector_m` and `tile_m` are in metres, `tile_m` > 0. `tile_m` is the wanted edge of one repeat. Its actual edge is `sector_m` divided by
+/// the rounded repeats of [`repeats`]. For the part of a coordinate within the sector, also use the rounded repeats, so that textures are
+/// continuous across sector borders.
 #[allow(clippy::cast_possible_truncation, reason = "the fixed-point number counts modulo 2^32")]
 pub fn per_sector_fixed(sector_m: f64, tile_m: f64) -> i32 {
     rounded(sector_m, tile_m) as i64 as i32

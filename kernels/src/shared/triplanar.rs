@@ -1,4 +1,4 @@
-//! Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z.
+//! Three axis-aligned projections. Axis 0 is the projection along x, 1 along y, 2 along z.
 //!
 //! Texture coordinates are signed and never mirrored. The components of a height gradient in a projection are therefore components of the gradient in
 //! space, without a change of sign. Source: Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 9(3), 2020, the sections on tri-planar
@@ -22,7 +22,8 @@ pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     w.map(|x| x / sum)
 }
 
-/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. The function only copies numbers.
+/// Coordinates in the plane perpendicular to an axis: (y, z), (x, z), (x, y). An axis above 2 counts as 2. The function only copies
+/// numbers.
 pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     match axis {
         0 => [p[1], p[2]],
@@ -31,7 +32,8 @@ pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     }
 }
 
-/// Converts a height gradient (d/du, d/dv) in the plane that an axis looks at to a gradient in the volume. The function only copies numbers.
+/// Converts a height gradient (d/du, d/dv) in the plane perpendicular to an axis to a gradient in the volume. The function only copies
+/// numbers.
 pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     match axis {
         0 => [T::zero(), g[0], g[1]],

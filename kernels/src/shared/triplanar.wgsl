@@ -1,5 +1,6 @@
-// Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z; texture coordinates are signed and never mirrored. The components of a
-// height gradient in a projection are therefore components of the gradient in space, without a change of sign.
+// Three axis-aligned projections. Axis 0 is the projection along x, 1 along y, 2 along z; texture coordinates are signed and never
+// mirrored. The components of a height gradient in a projection are therefore components of the gradient in space, without a change of
+// sign.
 // Source: Mikkelsen, "Surface Gradient-Based Bump Mapping Framework", JCGT 9(3), 2020 (sections on tri-planar projection).
 
 const TRIPLANAR_MAX_SHARPNESS: f32 = 1e4;
@@ -21,7 +22,7 @@ fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
     return w / (w.x + w.y + w.z);
 }
 
-// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2.
+// Coordinates in the plane perpendicular to an axis: (y, z), (x, z), (x, y). An axis above 2 counts as 2.
 fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
     if axis == 0u {
         return p.yz;
@@ -32,7 +33,7 @@ fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
     return p.xy;
 }
 
-// Converts a height gradient in the plane that an axis looks at to a gradient in the volume.
+// Converts a height gradient in the plane perpendicular to an axis to a gradient in the volume.
 fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
     if axis == 0u {
         return vec3<f32>(0.0, g.x, g.y);

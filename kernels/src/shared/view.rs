@@ -1,14 +1,15 @@
-//! Computes a position relative to the eye from a pixel and its depth: `view.wgsl`.
+//! Computes a position relative to the eye from a pixel and its depth.
 //!
 //! The position is `ray * distance`. Because it is relative to the eye, its precision does not depend on the distance from the world's origin.
 
 use super::bounded;
 use super::real::{Real, add, scale};
 
-/// A depth below this means that nothing was drawn; f32 cannot divide by it.
+/// A depth of at most this value means that nothing was drawn. The limit keeps the quotient of `near_m` and the depth in the range of f32.
 pub const MIN_DEPTH: f64 = 1e-30;
 
-/// Ray of a pixel. Its component along the view direction is 1. `rays` are the ray of pixel (0, 0) and its steps to the right and down: `view_ray`.
+/// Ray of a pixel. Its component along the view direction is 1. `rays` are the ray of pixel (0, 0) and its steps to the right and down. In
+/// WGSL: `view_ray`.
 pub fn ray<T: Real>(rays: [[T; 3]; 3], pixel: [T; 2]) -> [T; 3] {
     add(add(rays[0], scale(rays[1], pixel[0])), scale(rays[2], pixel[1]))
 }

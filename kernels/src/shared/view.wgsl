@@ -6,7 +6,7 @@ fn view_ray(ray_00: vec3<f32>, ray_dx: vec3<f32>, ray_dy: vec3<f32>, pixel: vec2
     return ray_00 + ray_dx * pixel.x + ray_dy * pixel.y;
 }
 
-// A depth below this means that nothing was drawn; f32 cannot divide by it.
+// A depth of at most this value means that nothing was drawn. The limit keeps the quotient of `near_m` and the depth in the range of f32.
 const VIEW_MIN_DEPTH: f32 = 1e-30;
 
 // Distance along the view direction for a reversed depth, metres; 0 if nothing was drawn.

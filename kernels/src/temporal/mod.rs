@@ -9,8 +9,8 @@
 //! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
 //! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
 //!
-//! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: one workgroup per 8 x 8
-//! tile.
+//! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: one workgroup per
+//! 8 x 8 pixels.
 
 use std::fmt;
 use std::str::FromStr;
@@ -128,7 +128,8 @@ impl SamplePattern {
         }
     }
 
-    /// Returns the step from a pixel to the neighbour whose own sample is the pixel's second sample: it lies on the edge opposite to the first.
+    /// Returns the step from a pixel to the neighbour whose own sample is also the pixel's second sample. The second sample lies on the
+    /// edge opposite to the first one.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],
@@ -138,7 +139,7 @@ impl SamplePattern {
     }
 }
 
-/// The layout of `TemporalFrame` in `temporal.wgsl`.
+/// Uniforms of the resolve pass; the layout matches `TemporalFrame` in `temporal.wgsl`, where the fields are explained.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

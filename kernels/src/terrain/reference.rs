@@ -203,7 +203,7 @@ impl<'w> Ground<'w> {
         (Surface { albedo: DVec3::new(r, g, b) / a.max(0.25), smoothness, occlusion, ..Surface::default() }, normal)
     }
 
-    /// One material in one projection, with the texture repeated every 2^scale tiles.
+    /// One material in one projection. A repeat of the texture is 2^`scale` times as wide as at scale 0.
     pub fn material(&self, id: u8, projection: &Projection, scale: u32) -> Surface {
         let entry = &self.entries[usize::from(id)];
         // Repeats per metre times cos and sin of the orientation.

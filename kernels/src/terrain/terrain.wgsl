@@ -1,8 +1,9 @@
 // Terrain data for any world position. The sector data give the node and its layer in the atlases; the splat texels give the materials and their
-// detail textures. Shading calls `count_fetch` beside every texture sample.
+// detail textures. The function `count_fetch` is called before every texture access by which shading reads terrain data.
 
 override COUNT_FETCHES: bool = false;
-// Whether detail textures are filtered anisotropically, with gradients. If not, the three textures of a tap are sampled at one common LOD.
+// Whether detail textures are filtered anisotropically, with gradients. If not, the mip level of all three textures of a tap follows from
+// the longer of the two gradients.
 override ANISOTROPIC: bool = false;
 // Whether detail textures are hex-tiled: each is sampled three times, at random offsets.
 override HEX_TILING: bool = false;
@@ -159,7 +160,7 @@ struct Footprint {
 
 // A footprint in the coordinates of one projection. All taps of the projection share it.
 struct Projection {
-    plane: u32,                 // 0..2 look along x, y, z; 3 and 4 along a diagonal, see snapped_projection.wgsl
+    plane: u32,                 // 0..2 = projection along x, y, z; 3, 4 = along a diagonal, see snapped_projection.wgsl
     sectors: vec2<i32>,         // whole sectors along both coordinates
     position: vec2<f32>,        // metres inside the sector
     ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
@@ -206,7 +207,8 @@ fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale
     return base + terrain_turn(projection.position, terrain_rate(entry, scale));
 }
 
-// LOD of the albedo and normal textures, by the rule of WebGPU: from the longer of the two gradients, in texels.
+// LOD (level of detail, a mip level with a fraction) of the albedo and normal textures. As WebGPU specifies, it is the log2 of the longer
+// of the two gradients, in texels.
 fn terrain_lod(projection: Projection, rate: vec2<f32>) -> f32 {
     return 0.5 * log2(max(projection.longest_2 * dot(rate, rate), 1e-30)) + terrain_texels_log2(textureDimensions(detail_albedo).x);
 }
@@ -250,9 +252,9 @@ fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, 
 }
 
 // Reads one texel of each of the three textures: three fetches. Mip level and texel are chosen at random, so that the expected value equals the
-// result of trilinear filtering. The albedo is later multiplied by a tint that depends on the colour mask in the height texture. The expected value
-// of this product is right only if the two choices are independent. So there are two sets of thresholds: `u` chooses level, column and row for the
-// albedo and normal textures, `v` for the height texture.
+// result of trilinear filtering. The albedo is later multiplied by a tint that depends on the colour mask in the height texture. The
+// expected value of this product is right only if the texel of the albedo and the texel of the colour mask are chosen independently. So
+// there are two sets of thresholds: `u` chooses level, column and row for the albedo and normal textures, `v` for the height texture.
 fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {
     let lod = terrain_lod(projection, rate);
     let level = texel_choice_level(lod, textureNumLevels(detail_albedo), u.x);
@@ -276,7 +278,7 @@ fn terrain_tint(entry: PaletteEntry, texels: Texels) -> vec3<f32> {
 }
 
 fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, texels: Texels) -> Surface {
-    // Slope = xy / z of the unit normal, with z limited to at least 0.05.
+    // The slope of the height is -xy / z of the unit normal, times the strength of the normal map. The z is limited to at least 0.05.
     let xy = texels.normal.ag * 2.0 - 1.0;
     let slope = xy * (-entry.normal_strength * inverseSqrt(max(1.0 - dot(xy, xy), 0.0025)));
     let turned = vec2<f32>(slope.x * rate.x - slope.y * rate.y, slope.x * rate.y + slope.y * rate.x) * inverseSqrt(max(dot(rate, rate), 1e-30));
@@ -372,8 +374,8 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
     return sum;
 }
 
-// Position of the lowest bit of the layer in `PaletteEntry.flags`. The first materials of the palette have layers of their own. Any other
-// material is drawn as the layer that its flags name.
+// Position of the lowest bit of the layer in `PaletteEntry.flags`. The first eight materials of the palette have layers of their own. Any
+// other material is drawn as the layer whose number is in its flags.
 const TERRAIN_LAYER_BITS: u32 = 8u;
 
 // Blends eight layers: twenty-eight fetches, for the four splat ids that form the blend map, and for the three textures of each layer. All

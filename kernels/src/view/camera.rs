@@ -85,7 +85,7 @@ pub struct View {
     pub pose: Pose,
     /// Image size in pixels.
     pub size: [u32; 2],
-    /// Sector of the camera, counted from the world's south-west corner; may lie outside the world.
+    /// Sector of the camera, counted from the world's south-west corner. It may lie outside the world.
     pub sector: IVec2,
     /// Camera position in local coordinates.
     pub camera: DVec3,

@@ -6,7 +6,7 @@ struct Frame {
     camera: vec3<f32>,          // camera in local coordinates
     sector_m: f32,              // edge of a sector
     ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0); its component along the view direction is 1
-    near_m: f32,                // depth = near_m / distance along the view direction
+    near_m: f32,                // distance of the near plane; the stored depth is near_m / distance along the view direction
     ray_dx: vec3<f32>,          // step of the ray per pixel to the right
     height_low_m: f32,          // elevation of the stored height 0
     ray_dy: vec3<f32>,          // step of the ray per pixel down
@@ -23,7 +23,7 @@ struct Frame {
     triplanar_sharpness: f32,   // k in |n|^k
     gradient_scale: f32,        // 2^mip bias
     page_texels_per_m: f32,     // texel density of virtual-texture level 0
-    page_anisotropy: f32,       // largest ratio of major to minor axis that page filtering covers, 1..4
+    page_anisotropy: f32,       // largest ratio of the two axes of a footprint that page filtering covers, 1..4
     flavours: FlavourParams,
     sun_direction: vec3<f32>,   // towards the sun
     taps: u32,                  // always 4, the number of splat texels around a point; see terrain.wgsl
@@ -36,7 +36,7 @@ struct Frame {
 }
 
 // Encodings of the two normals. NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the
-// shading normal relative to it, see normal_pair.wgsl. NORMALS_EXACT: two points of the octahedron's square in f32.
+// shading normal relative to it, see normal_pair.wgsl. NORMALS_EXACT: two octahedral encodings in f32, without rounding to integers.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
@@ -52,7 +52,7 @@ fn frame_normals(shading: vec3<f32>, plane: vec3<f32>, ray: vec3<f32>) -> vec4<f
     return vec4<f32>(code, octahedral_encode8_precise(plane));
 }
 
-// Decodes the shading normal in a texel. Both 32-bit encodings decode to the same bits.
+// Decodes the shading normal in a texel. NORMALS_OCTAHEDRAL and NORMALS_PLANE_FIRST give the same result, bit for bit.
 fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.xy);

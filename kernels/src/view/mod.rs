@@ -11,7 +11,7 @@ mod flavours;
 pub mod normals;
 mod reprojection;
 
-/// The uniforms that every stage reads, and the functions that read and write the normals of the geometry pass.
+/// WGSL with the uniforms that every stage reads, and with the functions that read and write the normals of the geometry pass.
 pub static WGSL: Wgsl = Wgsl::new(
     "view/frame.wgsl",
     include_str!("frame.wgsl"),
@@ -19,7 +19,7 @@ pub static WGSL: Wgsl = Wgsl::new(
 )
 .with(normals::CONSTANTS);
 
-/// The vertices of a full-screen pass, see [`Gpu::full_screen`](crate::gpu::Gpu::full_screen).
+/// WGSL that computes the vertices of a full-screen pass, see [`Gpu::full_screen`](crate::gpu::Gpu::full_screen).
 pub static FULL_SCREEN: Wgsl = Wgsl::new("view/full_screen.wgsl", include_str!("full_screen.wgsl"), &[]);
 
 /// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.

@@ -19,10 +19,11 @@ pub enum NormalEncoding {
     /// Two octahedral encodings of 8 + 8 bits, as in Far Cry 5.
     #[default]
     Octahedral,
-    /// Also 32 bits. If the two normals are near each other, the normal of the triangle's plane is stored with 8 times finer steps. The shading
-    /// normal is stored relative to the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
+    /// 32 bits, as `Octahedral`. If the two normals are near each other, the normal of the triangle's plane is stored with 8 times finer
+    /// steps. The shading normal is stored relative to the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
     PlaneFirst,
-    /// Two points of the octahedron's square in f32, 128 bits. The errors of the other encodings are measured against this encoding.
+    /// Two octahedral encodings in f32, without rounding to integers: 128 bits. The errors of the other encodings are measured against this
+    /// encoding.
     Exact,
 }
 

@@ -1,20 +1,21 @@
 //! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
 //!
-//! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map. Writes the page table (R32Uint): for each
-//! level, a torus of 64 x 64 cells around the camera. A cell holds the physical layer + 1 in 11 bits and, as a tag, the part of the page's
-//! address that does not follow from the cell. Also writes the physical pages, which are layers of three array textures: albedo (sRGB), smoothness +
-//! specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a second mip level.
+//! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map. Writes the page table (R32Uint): 64 x
+//! 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell holds the physical layer + 1 in 11 bits and, as a
+//! tag, the part of the page's address that does not follow from the cell. Also writes the physical pages, which are layers of three array
+//! textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side,
+//! and a second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
 //!
-//! Limits: the page table of a level is a torus of 64 x 64 cells around the camera. Two pages that are 64 pages apart share a cell. The page with the
-//! larger tag is kept, so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests
-//! more than 256 pages, the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replaced pages. A pixel
-//! whose page is missing tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So `vt` may cost
-//! more than 4 fetches.
+//! Limits: pages of one level whose columns and rows differ by multiples of 64 share a cell of the page table. The page with the larger tag
+//! is kept, so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests more
+//! than 256 pages, the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replaced pages. A
+//! pixel whose page is missing tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So
+//! `vt` may cost more than 4 fetches.
 //!
 //! Each frame is complete: the pages that its pixels request are rendered before it is shaded. Not implemented: jittered feedback, which would
-//! replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's adaptive address space, which would replace
-//! the windows of the page table.
+//! replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's adaptive address space, which would
+//! replace the assignment of pages to cells.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -108,7 +109,8 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// Tag of the page. The cell of the page holds the tag in addition to the physical layer.
+    /// Tag of the page: the part of its address that does not follow from its cell. It is shifted to its place in the cell, above the
+    /// physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
@@ -216,7 +218,7 @@ pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
 
-/// Returns the text that `explain` gives as the reason why the passes and textures are, or are not, required.
+/// Returns the reason why the passes and textures are, or are not, required. `explain` prints it.
 const fn reason(required: bool) -> &'static str {
     if required { "virtual texture" } else { "no virtual texture" }
 }

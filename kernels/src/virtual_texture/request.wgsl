@@ -36,6 +36,7 @@ fn virtual_texture_mark(place: Place, level: u32) {
     let page = virtual_texture_address(place, level).page;
     let cell = page & vec2<i32>(VIRTUAL_WINDOW - 1);
     let index = (level * u32(VIRTUAL_WINDOW) + u32(cell.y)) * u32(VIRTUAL_WINDOW) + u32(cell.x);
-    // Two requested pages that are 64 pages apart share a cell. The larger tag wins, so the result does not depend on the order of threads.
+    // Requested pages whose columns and rows differ by multiples of 64 share a cell. The page with the larger tag is kept, so the result
+    // does not depend on the order of threads.
     atomicMax(&requests[index], virtual_texture_tag(page) | 1u);
 }

@@ -1,6 +1,7 @@
 // Virtual-texture addresses: the page of a position, and the level that a footprint requires.
 
-// The page table of each level is a torus of VIRTUAL_WINDOW x VIRTUAL_WINDOW cells around the camera.
+// The page table of each level has VIRTUAL_WINDOW x VIRTUAL_WINDOW cells. A page uses the cell at its column and row modulo VIRTUAL_WINDOW,
+// which is 64.
 
 struct VirtualAddress {
     page: vec2<i32>,            // column and row of the page at its level, from the world's south-west corner
@@ -28,7 +29,7 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     return VirtualAddress(finest >> vec2<u32>(level), uv);
 }
 
-// Tag of a page in its page-table cell: it distinguishes pages that share the cell because they are a multiple of 64 pages apart.
+// Tag of a page in its page-table cell: it distinguishes the pages that share the cell, whose columns and rows differ by multiples of 64.
 fn virtual_texture_tag(page: vec2<i32>) -> u32 {
     let wrap = vec2<u32>(page >> vec2<u32>(VIRTUAL_WINDOW_BITS)) & vec2<u32>(VIRTUAL_TAG_MASK);
     return (wrap.y << (VIRTUAL_LAYER_BITS + VIRTUAL_TAG_BITS)) | (wrap.x << VIRTUAL_LAYER_BITS);

@@ -2,9 +2,9 @@
 //!
 //! The elevation is built from these layers, each of which depends on the previous layers: domain warp; a network of broad valleys (zero lines of
 //! noise); ridged multifractal massifs whose octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is
-//! Quilez's "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock faces, 3 to
-//! 120 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are sums, products, quotients, square roots and floors,
-//! so that all machines agree on every bit.
+//! Quilez's "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock
+//! faces, from a few metres to more than 100 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are
+//! sums, products, quotients, square roots and floors, so that all machines agree on every bit.
 
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
@@ -82,7 +82,7 @@ fn split(v: f64) -> (u32, f64) {
 /// One octave of gradient noise: a rotated, shifted lattice with its own wavelength.
 #[derive(Clone, Copy, Debug)]
 struct Octave {
-    /// Matrix from world to lattice: first row (c, s), second row (-s, c). Both include the division by the wavelength.
+    /// The matrix from world to lattice has the rows (c, s) and (-s, c). `c` and `s` include the division by the wavelength.
     c: f64,
     s: f64,
     shift: [f64; 2],
@@ -114,7 +114,7 @@ impl Octave {
         let rows = [pcg(iv.wrapping_add(self.seed)), pcg(iv.wrapping_add(1).wrapping_add(self.seed))];
         let corner = |j: usize, i: u32, u: f64, v: f64| {
             let h = pcg(rows[j].wrapping_add(iu).wrapping_add(i));
-            // The two halves of the word are not scaled here; the result is scaled to -1..=1 once, below.
+            // The two halves of the word are used unscaled here. The last line of the function scales the result to about -1..=1.
             (f64::from(h & 0xffff) - 32767.5) * u + (f64::from(h >> 16) - 32767.5) * v
         };
         let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -153,7 +153,7 @@ impl Octave {
     }
 }
 
-/// Returns cos and sin of 2 pi t, computed by polynomials: accurate to 1e-3, with the same bits on all machines.
+/// Returns cos and sin of 2 pi t, computed by polynomials: with an error of about 1e-3, and with the same bits on all machines.
 fn wave(t: f64) -> (f64, f64) {
     let sine = |t: f64| {
         let t = t - ((t + ROUNDER) - ROUNDER);
@@ -221,14 +221,14 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
     let edge = 0.5 * (1.0 - riser);
     let rise = 1.0 - tread;
     let step = ((s - edge) / riser).clamp(0.0, 1.0);
-    // The slope of the riser grows gradually at its foot and ends abruptly at its upper edge.
+    // The riser is less steep at its foot than at its upper edge, where it ends abruptly.
     tread * s + rise * (step * (0.55 + step * (0.9 - 0.45 * step))) - s
 }
 
 /// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner than
-/// it was before, because a coarse grid of vertices would draw a thin crest as a row of needles.
+/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner
+/// than it was before. This is necessary, because a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
     seed: u32,

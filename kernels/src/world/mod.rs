@@ -224,7 +224,7 @@ impl World {
         }
     }
 
-    /// Makes the world of a heightmap that does not belong to a scene yet.
+    /// Makes the world of a heightmap, which need not belong to a scene: `import` calls this function before there is a scene.
     pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,

@@ -168,8 +168,8 @@ impl Grid {
         (grid, broad)
     }
 
-    /// World position of vertex (i, j) of the working grid, which is vertex (i - 2, j - 2) of the node. Spacing and origin are dyadic
-    /// fractions, so neighbouring nodes compute exactly the same position.
+    /// World position of vertex (i, j) of the working grid, which is vertex (i - 2, j - 2) of the node. Spacing and origin are whole
+    /// numbers divided by powers of two, for which f64 is exact. So neighbouring nodes compute exactly the same position.
     fn vertex(&self, i: usize, j: usize) -> [f64; 2] {
         let at = |origin: f64, k: usize| origin + (k as f64 - BORDER as f64) * self.spacing;
         [at(self.origin[0], i), at(self.origin[1], j)]
@@ -379,8 +379,8 @@ fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
             rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
         }
     }
-    // The normal matters most. Its x is in alpha, which BC3 encodes separately. Its y is in green, so green has the largest weight. Smoothness and
-    // occlusion become less accurate.
+    // The normal is more important than smoothness and occlusion. Its x is in alpha, which BC3 encodes separately. Its y is in green, so
+    // green has the largest weight. Smoothness and occlusion become less accurate.
     blocks::encode(BlockFormat::Bc3, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.15, 1.0, 0.1], Effort::Fast)
 }
 

@@ -6,7 +6,8 @@
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
 
-/// Prepared rules: names are resolved to palette indices, and the cover of each noise mask (`Rule::noise_cover`) is converted to a noise threshold.
+/// Prepared rules: names are resolved to palette indices, and the share of the ground that each noise mask covers (`Rule::noise_cover`) is
+/// converted to a noise threshold.
 #[derive(Clone, Debug)]
 pub struct Rules {
     rules: Vec<Prepared>,
@@ -163,7 +164,7 @@ impl Painted {
     }
 }
 
-/// Returns 1 inside the band and falls linearly to 0 over the distance `fade` on either side. Without a band, it is 1 everywhere.
+/// Returns 1 inside the band and falls linearly to 0 over the distance `fade` on either side. Without a band, the result is always 1.
 fn trapezoid(value: f64, band: Option<[f64; 2]>, fade: f64) -> f64 {
     let Some([from, to]) = band else { return 1.0 };
     let outside = (from - value).max(value - to).max(0.0);
@@ -200,8 +201,8 @@ fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     a + (b - a) * t
 }
 
-/// Returns 257 measured quantiles of [`value_noise`]. They convert the cover of a rule, which is a share of the ground, to a threshold. The quantiles
-/// are measured, because the noise is not uniformly distributed.
+/// Returns 257 measured quantiles of [`value_noise`]. They convert the share of the ground that a noise mask covers to a threshold. The
+/// quantiles are measured, because the noise is not uniformly distributed.
 fn noise_quantiles() -> Vec<f64> {
     const SIDE: u32 = 128;
     let mut values: Vec<f64> = (0..SIDE * SIDE)

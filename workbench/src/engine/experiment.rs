@@ -28,9 +28,9 @@ use crate::model::viewpoint::{EYE_M, Viewpoint};
 const CAMERA: &str = "workbench";
 /// Maximum number of lines of a report that are shown. This is enough for the answer, the checks, and most of the table.
 const EXCERPT: usize = 40;
-/// How often to check whether a process has ended.
+/// Time between two checks whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
-/// When a run is dropped, how long to wait for it to stop by itself before it is killed.
+/// Longest wait for a dropped run to stop by itself. After this wait, the run is killed.
 const FAREWELL: Duration = Duration::from_secs(3);
 
 /// How much an experiment measures.
@@ -316,7 +316,7 @@ impl Run {
         Ok(Run { name, began: Instant::now(), shared })
     }
 
-    /// Whole seconds since it was started.
+    /// Whole seconds since the run was started.
     pub fn seconds(&self) -> u64 {
         self.began.elapsed().as_secs()
     }
@@ -331,12 +331,12 @@ impl Run {
         lock(&self.shared.said).last.clone()
     }
 
-    /// Whether it has ended, successfully or not.
+    /// Whether the run has ended, successfully or not.
     pub fn is_done(&self) -> bool {
         lock(&self.shared.said).outcome.is_some()
     }
 
-    /// The result once it has ended: the report, or one line that says why there is none.
+    /// The result of the run: the report, or one line that says why there is no report. `None` = the run is still in progress.
     pub fn outcome(&self) -> Option<Result<Report, String>> {
         lock(&self.shared.said).outcome.clone()
     }
@@ -406,7 +406,7 @@ impl Shared {
         if first && interrupt(&child) {
             return;
         }
-        // Killing fails if the process has ended already, which needs no action.
+        // Killing fails if the process has ended already. This failure needs no action.
         drop(child.kill());
     }
 }
@@ -473,7 +473,7 @@ mod tests {
         Viewpoint::Camera(name.to_owned())
     }
 
-    /// The scene of a saved definition, with the folder of the scene `like`, so that a comparison of both ignores the folder.
+    /// The scene of a saved definition, with its folder replaced by that of the scene `like`, so that a comparison with `like` ignores the folder.
     fn saved_scene(definition: &Definition, like: &Scene) -> Scene {
         Scene { folder: like.folder.clone(), ..definition.scene(&None, None).expect("a scene") }
     }
@@ -715,7 +715,7 @@ mod tests {
         let run = shell(ENDLESS);
         wait(&run, "a word", |run| !run.progress().is_empty());
         assert!(!run.is_done() && run.outcome().is_none());
-        // A background process may ignore the interrupt of the first call. The second call kills it.
+        // If the tests run in the background of a shell, the process may ignore the interrupt of the first call. The second call kills the process.
         run.cancel();
         thread::sleep(Duration::from_millis(500));
         run.cancel();

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::model::metrics::{LAYERS, Metrics, Reading};
 use crate::model::settings::Settings;
 
-/// Limit of the number of frames in the plots.
+/// Maximum number of frames in the plots.
 const HISTORY: usize = 240;
 
 /// The state of the live metrics.
@@ -22,12 +22,12 @@ const HISTORY: usize = 240;
 pub struct Live {
     links: Option<Links>,
     followed: [Followed; 2],
-    /// The settings of A and B, and the number of restarts, for which the metrics were measured.
+    /// The settings of A and B, and the value of `Metrics::resets`, for which the metrics were measured.
     of: Option<([Option<Settings>; 2], u32)>,
     /// The request of the last picture that was measured. A picture of the same frame and pose, for example with another layer, is not measured
     /// again.
     last: Option<RenderRequest>,
-    /// The region for which sums were computed last.
+    /// The region for which the metrics were computed last.
     region: Option<[f32; 4]>,
     history: VecDeque<Reading>,
 }

@@ -66,13 +66,13 @@ struct Mail {
     ended: bool,
 }
 
-/// Called when the thread reports something, with the time by which showing it may be delayed.
+/// Called when the thread reports something. The argument is the longest time that the window may wait before it shows the report.
 type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 struct Boxes {
     mail: Mutex<Mail>,
     arrived: Condvar,
-    /// Signals that the thread rests or has ended.
+    /// Signals that the thread has forgotten what it drew, or has ended.
     rested: Condvar,
     news: Mutex<News>,
     /// Wakes the window that currently uses the thread.
@@ -176,7 +176,8 @@ pub struct Engine {
 
 impl Engine {
     /// Starts the thread. `shaders` is a folder with the layout of `kernels/src`; the thread draws with the WGSL files in it and watches them for
-    /// changes. `wake` is called when the thread reports something, with the time by which showing it may be delayed.
+    /// changes. `wake` is called when the thread reports something. Its argument is the longest time that the window may wait before it shows the
+    /// report.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -204,13 +205,13 @@ impl Engine {
         lock(&self.boxes.mail).lose = count;
     }
 
-    /// Whenever there is no picture to draw, compiles shaders that a click may need.
+    /// From now on, compiles the shaders that a click may need: while there is no picture to draw, and one after each picture.
     pub fn warm(&self) {
         lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();
     }
 
-    /// What the thread reports at present.
+    /// The latest report of the thread.
     pub fn news(&self) -> News {
         lock(&self.boxes.news).clone()
     }
@@ -611,8 +612,8 @@ fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Po
     }
 }
 
-/// The shaders that have been compiled for the current estimator, noise and counting. A software adapter compiles a shader when it first draws with
-/// it, so a small picture is drawn with each.
+/// Which shaders have been compiled for the current estimator, noise and tilings, and for counting fetches or not counting them. A software adapter
+/// compiles a shader when the shader is used for the first time, so a small picture is drawn with each shader.
 #[derive(Default)]
 struct Warmed {
     like: Option<RenderRequest>,

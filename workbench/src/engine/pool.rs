@@ -115,7 +115,7 @@ mod tests {
                     Next::Stop => break,
                     Next::Wish(_) | Next::Idle => continue,
                 }
-                // After it has rested, the thread does nothing until the next request.
+                // After `rested`, the thread does nothing until the next request.
                 if matches!(own.next(false, None), Next::Stop) {
                     break;
                 }
@@ -141,7 +141,7 @@ mod tests {
             }
         };
 
-        // Dropping an engine while its thread works waits until the thread rests. After that, the thread reports nothing.
+        // If an engine is dropped while its thread works, `drop` waits until the thread has called `rested`. After that, the thread reports nothing.
         let engine = pretended(&first, wake(0));
         engine.warm();
         let boxes = engine.boxes.clone();
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(news.adapter.map(|adapter| adapter.name).as_deref(), Some("pretended"));
         assert!(!lock(&boxes.mail).warming);
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 0));
-        // What the thread reports from now on wakes only the new window.
+        // From now on, reports of the thread wake only the new window.
         boxes.tell(|_| {});
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 1));
         drop(engine);

@@ -1,7 +1,7 @@
 //! Reloading of shaders that are edited while the workbench runs: finds changed files in a folder, and rebuilds the stages that use them.
 //!
 //! A change that compiles takes effect. If a change does not compile, the old shaders stay in use, and the error is reported as one line with file,
-//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty files,
+//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are a few dozen files,
 //! and reading a modification time takes microseconds.
 
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ impl Watcher {
     ///
     /// A changed file is reported again at the next check, for this reason: at the first report, an editor may still be writing the file. If it
     /// finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads each reported file
-    /// therefore always ends up with its last version.
+    /// therefore always gets the last version of the file.
     pub fn changed(&mut self) -> Option<Vec<String>> {
         if self.looked.is_some_and(|at| at.elapsed() < INTERVAL) {
             return None;

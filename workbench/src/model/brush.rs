@@ -162,7 +162,7 @@ pub fn length_m(stroke: &Stroke) -> f64 {
 pub struct Brush {
     /// Whether a drag in the picture paints.
     pub paints: bool,
-    /// What a stroke changes.
+    /// The data that a stroke changes: materials, or the weights of rules.
     pub kind: StrokeKind,
     /// Name of the material that a splat stroke paints, or whose rules a mask weights.
     pub material: String,

@@ -26,7 +26,7 @@ impl Mode {
     /// All modes, in the order of the menu.
     pub const ALL: [Mode; 5] = [Mode::Off, Mode::Wipe, Mode::SideBySide, Mode::Flicker, Mode::Difference];
 
-    /// Its name in the menu.
+    /// Returns the name of the mode in the menu.
     pub const fn name(self) -> &'static str {
         match self {
             Mode::Off => "Only A",
@@ -37,7 +37,7 @@ impl Mode {
         }
     }
 
-    /// What the viewport shows in this mode.
+    /// Returns a text that describes the contents of the viewport in this mode.
     pub const fn about(self) -> &'static str {
         match self {
             Mode::Off => "B is not drawn",
@@ -49,7 +49,7 @@ impl Mode {
     }
 }
 
-/// What B is.
+/// The settings with which B is drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Other {
     /// The exact blend for the settings of A. It is the mean over all random choices that A can make, so it has no noise.
@@ -62,7 +62,7 @@ pub enum Other {
 }
 
 impl Other {
-    /// Its name in the menu.
+    /// Returns the name in the menu.
     pub const fn name(&self) -> &'static str {
         match self {
             Other::Exact => "exact blend of A",
@@ -77,7 +77,7 @@ impl Other {
 pub struct Compare {
     /// How A and B are shown.
     pub mode: Mode,
-    /// What B is.
+    /// The settings with which B is drawn.
     pub other: Other,
 }
 

@@ -11,7 +11,7 @@ use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
 use rayon::prelude::*;
 
-/// What the viewport shows of a picture.
+/// The quantity of a picture that the viewport shows as colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layer {
     /// Lit and tone-mapped.
@@ -44,7 +44,7 @@ pub enum Layer {
 /// The mapping of a value to a colour, in the picture and on the bar of the legend.
 #[derive(Debug, PartialEq)]
 pub struct Scale {
-    /// What the values mean.
+    /// The name of the quantity.
     pub name: &'static str,
     colours: Colours,
     /// Values at the ends of the bar. Values beyond them are clamped.
@@ -149,7 +149,7 @@ const CHOICES: [[u8; 3]; 8] =
 /// The largest value of the layer `choice`. The values from 1 on are the combinations of four splat texels and three projection axes.
 const MOST_CHOICES: usize = 12;
 
-/// What the colours of a picture mean.
+/// The meanings of the colours of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Legend {
     /// The text [`Layer::legend`], because neither bars nor swatches apply.
@@ -165,7 +165,7 @@ pub enum Legend {
 pub struct Swatch {
     /// sRGB.
     pub colour: [u8; 3],
-    /// What it stands for.
+    /// The meaning of the colour.
     pub name: String,
 }
 
@@ -184,7 +184,7 @@ pub fn difference(a: &Picture, b: &Picture) -> Vec<[u8; 3]> {
     a.hdr.par_iter().zip(&b.hdr).map(colour).collect()
 }
 
-/// What the colours of a difference mean.
+/// Returns the meanings of the colours of a difference.
 pub fn difference_legend() -> Legend {
     Legend::Bars(&DIFFERENCE)
 }
@@ -223,7 +223,7 @@ impl Layer {
         Layer::Bias,
     ];
 
-    /// Its name in the menu.
+    /// Returns the name of the layer in the menu.
     pub const fn name(self) -> &'static str {
         match self {
             Layer::Lit => "Lit",
@@ -241,7 +241,7 @@ impl Layer {
         }
     }
 
-    /// What its colours mean.
+    /// Returns a text that explains the colours of the layer.
     pub const fn legend(self) -> &'static str {
         match self {
             Layer::Lit => "linear radiance, exposed and tone-mapped as set in Parameters",

@@ -58,7 +58,7 @@ pub fn rename_material(scene: &mut Scene, index: usize, name: &str) -> Result<()
 /// palette do not change. Returns the index of the copy.
 ///
 /// # Errors
-/// One line: there is no material to copy, or there are too many.
+/// One line: there is no material to copy, or the scene already has `MOST_MATERIALS` materials.
 pub fn add_material(scene: &mut Scene, like: usize) -> Result<usize, String> {
     if scene.materials.len() >= MOST_MATERIALS {
         return Err(format!("there are {MOST_MATERIALS} materials, the most that a splat map can distinguish: remove one first"));
@@ -82,7 +82,7 @@ pub fn add_material(scene: &mut Scene, like: usize) -> Result<usize, String> {
 /// Removes a material from the scene.
 ///
 /// # Errors
-/// One line: rules or strokes use it, or it is the last one. Nothing is changed.
+/// One line: rules or strokes use the material, or it is the last material of the scene. Nothing is changed.
 pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     let Some(material) = scene.materials.get(index) else { return Ok(()) };
     let name = &material.name;
@@ -156,8 +156,8 @@ pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(
     Ok(())
 }
 
-/// Checks by the names of the files that a folder contains the images of a material. Their contents are read later, on the drawing thread, because that
-/// takes longer.
+/// Checks that a folder contains the images of a material. Only the names of the files are checked. The drawing thread reads the images later,
+/// because reading them takes longer.
 ///
 /// # Errors
 /// One line with the remedy, see [`recognise`].
@@ -178,7 +178,8 @@ fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
 /// scene. If `overwrites` is set, one of them may be overwritten. No other file is ever overwritten. Returns the absolute path of the file.
 ///
 /// # Errors
-/// One line with the remedy: the scene is invalid; the file name is not suitable, the file exists or cannot be written; or it cannot be read back.
+/// One line with the remedy: the scene is invalid, the file name is not suitable, the file exists already, or the file cannot be written or read
+/// back.
 pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Result<PathBuf, String> {
     let shown = file.display();
     if file.extension().is_none_or(|extension| extension != "toml") {

@@ -17,7 +17,7 @@ pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
 /// Limit of the angle between the view direction and the direction to a place, radians. Up to this angle, the place counts as in the middle of the
 /// view. Rounding errors are smaller, and an angle of this size is not visible.
 const BESIDE: f64 = 1e-6;
-/// Limits of the distance of the orbited place if only sky is visible: smallest and largest, metres.
+/// Limits of the distance of the orbited place if the middle of the picture shows sky: smallest and largest, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
 
 /// The place that the camera orbits.
@@ -121,8 +121,8 @@ pub fn is_centred(pose: &Pose, target: DVec3) -> bool {
     forward.dot(towards) > 0.0 && forward.cross(towards).length() <= BESIDE * towards.length()
 }
 
-/// A place to orbit if only sky is visible: straight ahead, at a distance that grows with the height of the camera over the ground, which has the
-/// elevation `ground_m`.
+/// A place to orbit if the middle of the picture shows sky. It is straight ahead, at a distance that grows with the height of the camera over the
+/// ground. The ground has the elevation `ground_m`.
 pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     let [_, _, forward] = pose.axes();
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])

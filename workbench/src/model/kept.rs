@@ -32,7 +32,7 @@ use super::settings::{Settings, differences, kept_names, numbers};
 pub const VERSION: u32 = 3;
 /// Maximum number of scenes in the list of recent ones.
 pub const MOST_RECENT: usize = 10;
-/// How often the state is checked for changes.
+/// Time between two checks whether the state has changed.
 pub const EVERY: Duration = Duration::from_secs(3);
 /// The settings whose defaults depend on the adapter: the render scale and the vertex stride.
 const OF_ADAPTER: [&str; 2] = ["scale", "vertex_stride"];
@@ -287,7 +287,7 @@ pub enum Refused {
     Newer(i64),
 }
 
-/// What is found at a path.
+/// The result of reading the file at a path.
 enum Found {
     Nothing,
     Kept(Box<Kept>),
@@ -371,7 +371,7 @@ fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     Some(state?.join("scree").join("workbench.toml"))
 }
 
-/// The name of a scene in the saved state: the absolute path of what [`scene::load`] was given, or `default`.
+/// The name of a scene in the saved state: the absolute path of the argument of [`scene::load`], or `default` for the built-in scene.
 pub fn scene_name(given: &str) -> String {
     let absolute = || std::path::absolute(given).ok()?.into_os_string().into_string().ok();
     if given == scene::DEFAULT { given.to_owned() } else { absolute().unwrap_or_else(|| given.to_owned()) }
@@ -400,7 +400,7 @@ impl Keeper {
         &self.kept
     }
 
-    /// Why the last attempt to write failed, in one line; `None` = it succeeded.
+    /// Why the last attempt to write failed, in one line; `None` = it did not fail.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
@@ -494,7 +494,7 @@ mod tests {
         places
     }
 
-    /// A state in which everything differs from the defaults.
+    /// Settings that differ from the defaults in every setting of the frame and of the display, and in two numbers of the scene.
     fn changed() -> Settings {
         let mut settings = Settings::new(plain());
         settings.scene.blend.hash_scale = 2.0 / 3.0;
@@ -651,7 +651,7 @@ mod tests {
         let folder = Folder::new("whole");
         kept().save(&file_of(&folder)).expect("written");
         let before = fs::read(file_of(&folder)).expect("there");
-        // A folder already has the name of the temporary file.
+        // The file cannot be written, because a folder already has the name of the temporary file.
         fs::create_dir(folder.0.join(format!("workbench.toml.{}.tmp", std::process::id()))).expect("made");
         let error = Kept::default().save(&file_of(&folder)).expect_err("cannot be written");
         assert!(error.contains("workbench.toml") && error.contains("make room"), "{error}");

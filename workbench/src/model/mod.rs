@@ -1,4 +1,4 @@
-//! What the panels show and change: [`state::Model`] and its parts. It depends neither on the window nor on the drawing thread.
+//! The state that the panels show and change: [`state::Model`] and its parts. The model depends neither on the window nor on the drawing thread.
 
 pub mod brush;
 pub mod compare;

@@ -113,7 +113,7 @@ pub(crate) fn usual() -> Tree<Pane> {
 pub enum Layout {
     /// A pane.
     Pane {
-        /// Its title: [`Pane::name`].
+        /// The title of the pane: [`Pane::name`].
         name: String,
     },
     /// Tabs: one child is visible at a time.

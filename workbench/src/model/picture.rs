@@ -20,7 +20,7 @@ use kernels::oracle::Pixel;
 pub struct Wish {
     /// The settings of A.
     pub settings: Settings,
-    /// What A is compared with.
+    /// The way in which A and B are shown, and the settings of B.
     pub compare: Compare,
     /// Settings of the live metrics.
     pub metrics: Metrics,
@@ -66,7 +66,7 @@ pub struct Second {
     pub settings: Settings,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
-    /// What its colours mean.
+    /// The meanings of the colours of the picture.
     pub legend: Legend,
     /// The difference to A as colours, if it is shown.
     pub difference: Option<Vec<[u8; 3]>>,
@@ -88,7 +88,7 @@ pub struct Shown {
     pub pose: Pose,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
-    /// What its colours mean.
+    /// The meanings of the colours of the picture.
     pub legend: Legend,
     /// Whether the picture is a first look: a preview that is drawn with small textures on coarse terrain.
     pub draft: bool,

@@ -64,7 +64,7 @@ fn check(pose: Pose) -> Result<Pose, String> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "CameraPose", into = "CameraPose")]
 pub struct Place {
-    /// Its name, one line.
+    /// The name of the place, one line.
     pub name: String,
     /// Position, direction and field of view.
     pub pose: Pose,
@@ -102,7 +102,7 @@ impl TryFrom<CameraPose> for Place {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Recorded {
-    /// Its name, one line.
+    /// The name of the path, one line.
     pub name: String,
     poses: Arc<[Pose]>,
 }
@@ -259,10 +259,10 @@ fn explain(error: &csv::Error) -> String {
     }
 }
 
-/// Why a recording ended by itself.
+/// The reason why a recording ended although the user did not stop it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It has [`MOST_FRAMES`] frames.
+    /// The recording has [`MOST_FRAMES`] frames.
     Full,
     /// The frame number went back, or jumped too far ahead.
     Jumped {

@@ -20,7 +20,7 @@ pub struct Settings {
     pub frame: FrameSettings,
     /// Pixels drawn per pixel of the screen, along a side.
     pub scale: f64,
-    /// What the viewport shows.
+    /// The layer of the picture that the viewport shows.
     pub layer: Layer,
     /// Whether texture fetches are counted. Counting uses a slower shader.
     pub counts: bool,
@@ -66,7 +66,7 @@ pub const TIMES_VARIANTS: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.times_variants),
 };
 
-/// What the viewport shows.
+/// The setting for the layer of the picture that the viewport shows.
 pub const LAYER: Setting<Settings> = Setting {
     key: "look.layer",
     unit: "",

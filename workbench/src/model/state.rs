@@ -53,7 +53,7 @@ pub struct Looking {
     pub loupe: bool,
     /// Position of the line in the mode *Wipe*, as a share of the width of the viewport.
     pub wipe: f32,
-    /// Whether B is on screen, in the mode that shows one picture at a time.
+    /// In the mode *Flicker*, which shows one picture at a time: whether B is on screen.
     pub b: bool,
     /// Whether the current drag draws the rectangle in which the live metrics are computed.
     pub measures: bool,
@@ -65,7 +65,7 @@ impl Default for Looking {
     }
 }
 
-/// What the panels show and change.
+/// The state of the application. The panels show and change it.
 pub struct Model {
     /// The latest report of the drawing thread.
     pub(crate) news: News,
@@ -101,7 +101,8 @@ pub struct Model {
     /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// Times that the window took for its last drawings of itself, without the terrain pictures. A click waits for at most one such drawing.
+    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. A click waits for at most one drawing of the
+    /// window.
     pub(crate) answers: VecDeque<Duration>,
     /// Whether the saved state has a render scale (first) and a vertex stride (second). If so, the user chose them.
     chosen: [bool; 2],
@@ -349,8 +350,8 @@ impl Model {
     /// The current pose of the camera, at which the next movement starts; `None` = it is not known yet.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
-            // Only the drawing thread knows the height of the ground below a walking camera. East and north are taken from the current pose, which
-            // may be ahead of the pose in the picture.
+            // Only the drawing thread can compute the height of the ground below a walking camera. East and north are taken from the current pose,
+            // which may be ahead of the pose in the picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })

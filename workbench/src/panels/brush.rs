@@ -27,7 +27,7 @@ const fn about(kind: StrokeKind) -> &'static str {
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     model.brush.fit(&model.settings.scene);
     ui.checkbox(&mut model.brush.paints, "Paint")
-        .on_hover_text("If on, a drag or click in the picture paints on the ground, and a drag with Shift looks around (key B)");
+        .on_hover_text("If on, a drag or click in the picture paints on the ground; a drag with Shift looks around (switch: key B)");
     settings(model, ui);
     notes(model, ui);
     ui.separator();
@@ -45,7 +45,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material that is painted, or whose rules are weighted");
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to paint, or whose rules the mask weights");
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };

@@ -40,8 +40,8 @@ impl Default for ExperimentsPanel {
         ExperimentsPanel {
             folder: "saved-experiments".to_owned(),
             name: "seen".to_owned(),
-            // These are the numbers of the demo. Five frames suffice to compare frames that are four apart, and 16 seeds suffice to compute a
-            // variance.
+            // The experiment `demo` has these numbers, too. Five frames suffice to compare two frames with a lag of 4, and 16 seeds suffice to
+            // compute a variance.
             frames: 5,
             seeds: 16,
             definitions: experiment::shipped().map(|folder| folder.display().to_string()).unwrap_or_default(),
@@ -59,7 +59,8 @@ impl Default for ExperimentsPanel {
 struct Listed {
     places: Option<[String; 2]>,
     found: Vec<Found>,
-    /// Number of the last drawing of the window in which the panel was visible. The files may change while the panel is hidden.
+    /// Number of the last drawing of the window in which the panel was visible. Files may change while the panel is hidden, so the folders are read
+    /// again when the panel appears.
     drawn: u64,
 }
 
@@ -131,13 +132,13 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
 fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
         place(ui, "Folder", &mut panel.folder, "Folder in which each saved experiment gets a folder of its own");
-        field(ui, "Experiment name", &mut panel.name, "Name of its folder and of the .toml file in it: letters a to z, digits, - and _");
+        field(ui, "Experiment name", &mut panel.name, "Name of the folder and of the .toml file in it: letters a to z, digits, - and _");
         count(
             ui,
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "Number of frames from frame 0 on: at least 2 for flips and flicker, 5 to compare frames four apart",
+            "Number of frames from frame 0 on: at least 2 for flips and flicker, at least 5 to compare frames with a lag of 4",
         );
         count(
             ui,
@@ -150,7 +151,7 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     let hint = "Saves scene, numbers, view, size, variant, estimator and noise as a definition for `experiments run` and `check`";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
         let saved = save(panel, model);
-        // Read the folder again, since it may be new.
+        // Read the folder again, because saving may have created it.
         panel.listed.places = None;
         panel.note(saved);
     }

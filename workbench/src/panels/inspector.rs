@@ -257,12 +257,12 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Shorter and longer step to the next pixels, and covered length, which gives the level; in texels of level 0, with mip bias",
+        "Shorter and longer step to the next pixels, and the length that decides the level; all in texels of level 0, with mip bias",
     );
     row(
         "Page LOD",
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
-        "log2 of the covered length. The integer part is the level, the fraction is the mip level within the page.",
+        "log2 of the length that decides the level. The integer part is the level, the fraction is the mip level within the page.",
     );
     let served = match page.served {
         Some(served) if served == page.id => "the same".to_owned(),

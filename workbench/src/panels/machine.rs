@@ -84,7 +84,7 @@ fn level_colour(lod: u8) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// The legend of the map. The accessible name of a swatch contains its whole row, because not everybody can see colours.
+/// The legend of the map. The accessible name of a swatch gives the level, the edge and the number of nodes, because not everybody can see colours.
 fn legend(levels: &[Level], ui: &mut Ui) {
     egui::Grid::new("levels").num_columns(5).striped(true).show(ui, |ui| {
         for (name, about) in [
@@ -117,7 +117,7 @@ struct Map {
     centre: DVec2,
     /// Length of an edge, metres.
     span_m: f64,
-    /// Its rectangle on the screen.
+    /// The rectangle of the map on the screen.
     rect: Rect,
 }
 
@@ -222,14 +222,14 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and an outline of the level ground that it sees",
+        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and the part of a flat ground that it sees",
     );
     if frozen.is_some() {
         ui.label("Culling is frozen: the nodes are those that the yellow camera sees.");
     }
 }
 
-/// Draws a camera, its view direction, and the outline of the level ground that it sees.
+/// Draws a camera, its view direction, and the outline of the ground that it sees, as if the ground were a plane at the elevation `ground_m`.
 fn camera(painter: &egui::Painter, map: &Map, pose: &Pose, size: [u32; 2], ground_m: f64, colour: Color32) {
     let outline = ground_outline(pose, size, ground_m, map.span_m);
     let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();

@@ -201,7 +201,7 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     ui.label("");
     let idle = model.materials.dialog.is_none();
     let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
-    if load.on_hover_text("Chooses a folder of textures. You can also drop a folder on the window.").clicked() {
+    if load.on_hover_text("Opens a dialog to choose a folder of textures. You can also drop a folder on the window.").clicked() {
         model.materials.dialog = Some(choose_folder(model.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
     }
     ui.end_row();
@@ -255,7 +255,7 @@ fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
         let mut colour = tint.map(|c| c.clamp(0.0, 1.0) as f32);
         let well = ui.color_edit_button_rgb(&mut colour);
         well.widget_info(|| WidgetInfo::labeled(Role::ColorWell, true, "Tint"));
-        if well.on_hover_text("Picks a colour, linear RGB up to 1").changed() {
+        if well.on_hover_text("Opens a colour picker, linear RGB up to 1").changed() {
             *tint = colour.map(f64::from);
         }
         for (channel, name) in tint.iter_mut().zip(["Tint red", "Tint green", "Tint blue"]) {

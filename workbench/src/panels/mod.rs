@@ -78,15 +78,15 @@ pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, sh
 
 /// The description of a control for a number.
 pub(crate) struct Number<'a> {
-    /// Its label, which must be unique on screen.
+    /// The label of the number, which must be unique on screen.
     pub(crate) name: &'a str,
-    /// Its unit; empty = the number has no unit.
+    /// The unit; empty = the number has no unit.
     pub(crate) unit: &'a str,
     /// Smallest and largest value of the slider.
     pub(crate) range: [f64; 2],
     /// Whether the slider is logarithmic.
     pub(crate) logarithmic: bool,
-    /// What the number does; the first line of the tooltip.
+    /// A description of the number; the first line of the tooltip.
     pub(crate) about: &'a str,
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         control(ui, &SCALE, &mut model.settings, |_| "");
         reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    // These are the numbers of a frame, and all settings of its stages. The other settings of a frame are in the panel *Variants*.
+    // This loop shows the numbers of a frame and all settings of its stages. The panel *Variants* shows the other settings of a frame.
     let numbers_of_frame = own_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_)));
     for setting in numbers_of_frame.chain(stage_settings()) {
         let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };

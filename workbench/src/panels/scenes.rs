@@ -20,7 +20,7 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
     let menu = ui.menu_button("Scene", |ui| {
         let idle = model.scenes.dialog.is_none();
         let open = ui.add_enabled(idle, Button::new("Open..."));
-        if open.on_hover_text("Chooses the .toml file of a scene. You can also drop a file on the window.").clicked() {
+        if open.on_hover_text("Opens a dialog to choose the .toml file of a scene. You can also drop a file on the window.").clicked() {
             let folder = given.as_deref().and_then(|name| Path::new(name).parent()).map(Path::to_owned);
             model.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
             ui.close();

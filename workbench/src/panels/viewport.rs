@@ -338,7 +338,7 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     choose(ui, "Layer", &mut model.settings.layer, shown, all);
     ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keeps the camera 1.7 m above the ground (key F)");
     let mut orbits = model.flight.orbit != Orbit::Off;
-    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns the camera about it, the wheel moves \
+    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns the camera about this place, the wheel moves \
                 closer or away, and W A S D move the camera and the orbited place.";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
         model.orbit(orbits);

@@ -1,11 +1,12 @@
-//! The text of a table as spreadsheets and other programs write it: UTF-8 or UTF-16, with cells separated by commas, semicolons, tabs or bars.
+//! Reads the text of a table in the forms that spreadsheets and other programs write: UTF-8 or UTF-16, with cells separated by commas,
+//! semicolons, tabs or bars.
 
 use std::fs;
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
 
-/// The characters that may separate cells. If the header fits several of them, the last one counts.
+/// The characters that may separate cells. If several of them fit the header equally well, the last one is used.
 const DELIMITERS: [u8; 4] = [b'|', b'\t', b';', b','];
 
 /// A table as text.
@@ -24,7 +25,7 @@ impl Text {
     /// Reads a table that should have these columns.
     ///
     /// # Errors
-    /// The file cannot be read, is no text, or names a delimiter that is none.
+    /// The file cannot be read, is not text, or states a delimiter that is not accepted.
     pub(super) fn read(path: &Path, columns: &[&str]) -> Result<Text> {
         let name = path.display();
         let bytes = fs::read(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;
@@ -35,7 +36,7 @@ impl Text {
         Ok(Text { body: body.to_owned(), delimiter, lines_before: u64::from(stated.is_some()), is_utf16 })
     }
 
-    /// The delimiter in words.
+    /// Returns a description of the delimiter for messages.
     pub(super) fn delimiter_words(&self) -> &'static str {
         match self.delimiter {
             b'\t' => "tabs",
@@ -78,7 +79,8 @@ fn decode(bytes: Vec<u8>) -> Result<String, String> {
     Ok(text)
 }
 
-/// The delimiter that the first line states, as spreadsheets understand it ("sep=;"), and the text after that line.
+/// Returns the delimiter that the first line states, and the text after this line. The line has the form `sep=;`, which spreadsheets read.
+/// Without such a line, returns `None` and the whole text.
 fn stated_delimiter(text: &str) -> Result<(Option<u8>, &str), String> {
     let end = text.find(['\r', '\n']).unwrap_or(text.len());
     let (line, rest) = text.split_at(end);
@@ -93,7 +95,8 @@ fn stated_delimiter(text: &str) -> Result<(Option<u8>, &str), String> {
     }
 }
 
-/// The delimiter with which the header has most of these columns, and most cells.
+/// Returns the delimiter with which the header contains the largest number of these columns. If several delimiters are equal in this
+/// respect, the one with the most cells is returned.
 fn delimiter_of(body: &str, columns: &[&str]) -> u8 {
     let fit = |delimiter: &u8| {
         let mut reader =
@@ -147,9 +150,9 @@ mod tests {
             ("a;b;c,d\n", b';'),
             (" a \t b\n", b'\t'),
             ("a|b", b'|'),
-            // The only column is there with any delimiter.
+            // The only column is found with any delimiter, so the last one is used.
             ("a\n1", b','),
-            // None of the columns is there: most cells.
+            // No delimiter finds any of the columns, so the one with the most cells is used.
             ("x;y;z\n", b';'),
             ("", b','),
         ] {

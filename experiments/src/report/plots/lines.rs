@@ -98,7 +98,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
         let root = SVGBackend::with_string(&mut svg, (HALF_WIDTH, HEIGHT)).into_drawing_area();
         let mut chart = axes(&root, &x_scale, &y_scale, [plot.x_title, plot.y_title])?;
         if let Some(value) = baseline {
-            // The line consists of separate dashes, because plotters offers no dashed style here.
+            // The plot is divided into 80 steps along x. Every second step is a dash of the line.
             let (left, right) = (x_scale.from, x_scale.to);
             let along = |k: u32| left + (right - left) * f64::from(k) / 80.0;
             let dashes = (0..40).map(|k| vec![(along(2 * k), y_scale.at(value)), (along(2 * k + 1), y_scale.at(value))]);

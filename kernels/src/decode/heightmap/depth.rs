@@ -1,6 +1,6 @@
-//! How the samples of a heightmap are stored.
+//! Types of the stored samples of a heightmap.
 
-/// How a sample is stored.
+/// The type in which a sample is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Depth {
     Unsigned16,
@@ -25,7 +25,7 @@ impl Depth {
         }
     }
 
-    /// Smallest and largest possible sample; None for floats.
+    /// Smallest and largest possible sample; `None` for floats.
     pub(super) fn limits(self) -> Option<[f64; 2]> {
         match self {
             Depth::Unsigned16 => Some([0.0, 65_535.0]),

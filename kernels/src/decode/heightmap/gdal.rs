@@ -1,4 +1,4 @@
-//! The tags that GDAL adds to a TIFF: metadata as XML (42112) and the no-data value as text (42113).
+//! Interprets the tags that GDAL adds to a TIFF: metadata as XML (42112) and the no-data value as text (42113).
 //!
 //! Source: GDAL, *GTiff -- GeoTIFF File Format*, "Internal nodata masks", "Metadata" and "Nodata value". The XML is a flat list of
 //! `<Item name="SCALE" sample="0" role="scale">0.1</Item>`, so it is read without an XML library.
@@ -10,7 +10,8 @@ use crate::decode::fault::Fault;
 /// Returns scale, offset and unit of the first band.
 ///
 /// # Errors
-/// The metadata are cut or not well formed, a value is not a number, the scale is 0, the unit is unknown, or two items contradict each other.
+/// The metadata are truncated or not well formed, a value is not a number, the scale is 0, the unit is unknown, or two items
+/// contradict each other.
 pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     let items = items(xml)?;
     let scale = number(&items, "scale")?;
@@ -34,7 +35,7 @@ pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     Ok(Statement { scale, offset, unit })
 }
 
-/// The finite number of a role.
+/// The number of the item with this role for the first band.
 fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     let Some(text) = one(items, role)? else { return Ok(None) };
     match text.trim().parse::<f64>() {
@@ -61,7 +62,7 @@ fn one(items: &[Item], role: &str) -> Result<Option<String>, Fault> {
 }
 
 struct Item {
-    /// In lower case.
+    /// The role, in lower case.
     role: String,
     /// The band, counted from 0; empty if the item describes the file.
     sample: String,
@@ -87,7 +88,7 @@ fn items(xml: &str) -> Result<Vec<Item>, Fault> {
     Ok(items)
 }
 
-/// Reads an item, of which `<Item` is left out. Returns it and what follows it; None if it is not well formed.
+/// Reads an item from the text after `<Item`. Returns the item and the text after it; `None` if the item is not well formed.
 fn item(from: &str) -> Option<(Item, &str)> {
     let mut item = Item { role: String::new(), sample: String::new(), text: String::new() };
     let is_name = |text: &str| !text.is_empty() && !text.contains(|c: char| c.is_whitespace() || "<>\"'".contains(c));
@@ -123,7 +124,7 @@ fn plain(text: &str) -> String {
     entities.iter().fold(text.to_owned(), |text, (entity, character)| text.replace(entity, character))
 }
 
-/// The no-data value of tag 42113; None if the text is empty.
+/// The no-data value of tag 42113; `None` if the text is empty.
 ///
 /// # Errors
 /// The text is not a number.

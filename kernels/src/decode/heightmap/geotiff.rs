@@ -1,4 +1,4 @@
-//! What the GeoTIFF tags of a file say: coordinate system, units, and where its samples lie.
+//! Interprets the GeoTIFF tags of a file: coordinate system, units, and positions of the samples.
 //!
 //! Source: *OGC GeoTIFF Standard* 1.1 (OGC 19-008r4), the requirements of GeoKeyDirectoryTag, GTModelTypeGeoKey, GTRasterTypeGeoKey, the unit keys,
 //! ModelPixelScaleTag, ModelTiepointTag and ModelTransformationTag. A sample is an elevation at a point: the centre of its pixel, if a pixel is an area.
@@ -10,7 +10,7 @@ use super::spacing::Spacing;
 use super::units::{METRE, Unit};
 use crate::decode::fault::Fault;
 
-// Numbers of the keys, of the tag of parameters, and of values that are used.
+// Numbers of the keys that are read, of the tag that holds floating-point parameters, and of values of keys.
 const MODEL_TYPE: u16 = 1024;
 const RASTER_TYPE: u16 = 1025;
 const GEODETIC_SYSTEM: u16 = 2048;
@@ -24,7 +24,7 @@ const DOUBLE_PARAMETERS: u64 = 34_736;
 const USER_DEFINED: u16 = 32_767;
 const DEGREE: u16 = 9102;
 
-/// Vertical systems in feet whose numbers grow upwards (EPSG dataset 12.029), with the code of their unit.
+/// Vertical systems in feet whose values grow upwards (EPSG dataset 12.029), with the EPSG codes of their units.
 const VERTICAL_FEET: [(u16, u16); 10] = [
     (5702, 9003),
     (5754, 9095),
@@ -44,11 +44,12 @@ const WORLD_MERCATOR: [u16; 3] = [3857, 3785, 3395];
 const DEGREE_M: f64 = 111_195.0;
 /// Radius of the sphere of web maps, metres.
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
-/// Largest relative difference that is taken for rounding: of spacings from west to east and from north to south.
+/// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
-/// Largest relative size of the terms of a rotation that is taken for rounding, and largest difference of two statements of a transform.
+/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. Two statements of one transform may
+/// differ by as much.
 const SAME_TERM: f64 = 1e-6;
-/// Scale error of a projection from which on distances on the map are no distances on the ground.
+/// Largest scale error of a projection at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;
 
 /// The tags of a GeoTIFF, as they are stored.
@@ -72,7 +73,7 @@ impl Tags {
     }
 }
 
-/// What the tags say.
+/// The interpretation of the tags.
 #[derive(Debug, PartialEq)]
 pub(super) struct Georeference {
     pub(super) spacing: Spacing,
@@ -80,11 +81,11 @@ pub(super) struct Georeference {
     pub(super) is_south_up: bool,
     /// Whether column 0 is the eastern edge.
     pub(super) is_mirrored: bool,
-    /// The unit of heights, if a vertical system states it.
+    /// The unit of heights, if a key or the vertical system states it.
     pub(super) vertical_unit: Option<Unit>,
     /// The unit of distances, if it is stated.
     pub(super) linear_unit: Option<Unit>,
-    /// The code of the vertical system, if neither the file nor the system says in which unit heights are.
+    /// The code of the vertical system, if neither the file nor the system states the unit of heights.
     pub(super) vertical_system_without_unit: Option<u16>,
 }
 
@@ -124,7 +125,7 @@ enum Model {
     Unknown,
 }
 
-/// Keys with one number.
+/// The keys whose value is one number.
 struct Keys {
     shorts: BTreeMap<u16, u16>,
     doubles: BTreeMap<u16, f64>,
@@ -166,7 +167,7 @@ impl Keys {
         Ok(keys)
     }
 
-    /// The value of a key; None if it is absent or undefined.
+    /// The value of a key; `None` if it is absent or undefined.
     fn short(&self, key: u16) -> Option<u16> {
         self.shorts.get(&key).copied().filter(|&value| value != 0)
     }
@@ -188,7 +189,7 @@ impl Keys {
         }
     }
 
-    /// The unit of projected coordinates; None if neither a key nor the system states it.
+    /// The unit of projected coordinates; `None` if neither a key nor the system states it.
     fn linear_unit(&self) -> Result<Option<Unit>, Fault> {
         let system = self.short(PROJECTED_SYSTEM);
         let of_system = system.filter(|&system| is_metric(system)).map(|_| METRE);
@@ -214,7 +215,7 @@ impl Keys {
         }
     }
 
-    /// The unit of heights; None if no vertical system is stated.
+    /// The unit of heights; `None` if no key states it, and the vertical system is not one of `VERTICAL_FEET`.
     fn vertical_unit(&self) -> Result<Option<Unit>, Fault> {
         let system = self.short(VERTICAL_SYSTEM);
         if let Some(system) = system.filter(|&system| is_depth(system)) {
@@ -254,7 +255,7 @@ impl Keys {
                  make the spacing equal with gdalwarp -tr {finest} {finest} -r bilinear IN OUT.tif"
             )));
         }
-        // Of two equal numbers, the root of the product may differ in the last bit.
+        // Even if the two numbers are equal, the root of their product may differ from them in the last bit.
         let spacing = if across == down { across } else { (across * down).sqrt() };
         let Some(unit) = unit else { return Ok(Spacing::WithoutUnit(spacing)) };
         let metres = spacing * unit.metres;
@@ -285,7 +286,7 @@ impl Keys {
         Ok(Spacing::Stated { metres, how: format!("{spacing} {}{kind}", unit.name) })
     }
 
-    /// The reason why geographic coordinates are refused, with the call that mends them.
+    /// The error for geographic coordinates, with the command that converts the file.
     fn degrees(&self, transform: Option<Transform>, centre: Option<[f64; 2]>) -> Fault {
         let has_degrees = self.short(ANGULAR_UNIT).is_none_or(|unit| unit == DEGREE);
         let spacing = transform.and_then(|transform| transform.spacing().ok());
@@ -328,7 +329,7 @@ impl Transform {
         }
     }
 
-    /// ModelPixelScale and the first tie point. Without a tie point, the position is unknown, and NaN.
+    /// The transform from ModelPixelScale and the first tie point. Without a tie point, the position is unknown, and the origin is NaN.
     fn of_scale(scale: &[f64], tie_points: Option<&[f64]>) -> Result<Transform, Fault> {
         let &[width, height, ..] = scale else { return Err(Fault::Damaged("ModelPixelScale has fewer than two numbers".to_owned())) };
         if !(width.is_normal() && height.is_normal() && width > 0.0 && height > 0.0) {
@@ -361,7 +362,7 @@ impl Transform {
         [self.across * column + self.shear_x * row + self.origin_x, self.shear_y * column + self.down * row + self.origin_y]
     }
 
-    /// Whether the distances, and the position as far as both have one, agree but for rounding.
+    /// Whether two transforms agree apart from rounding. Their positions are compared only if both are known.
     fn is_near(&self, other: Transform) -> bool {
         let pixel = self.across.abs().max(self.down.abs());
         let near = |a: f64, b: f64, limit: f64| (a - b).abs() <= limit || a.is_nan() || b.is_nan();
@@ -421,7 +422,8 @@ fn has_metric_heights(system: u16) -> bool {
     )
 }
 
-/// The call of gdalwarp that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between samples.
+/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
+/// distance between samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {
         _ if !(longitude.is_finite() && latitude.abs() <= 90.0) => "CODE".to_owned(),
@@ -446,7 +448,8 @@ fn three_digits(length: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Tags of a projected file with samples 10 units apart. `keys`: key and value, beyond the type of model and of raster.
+    /// Tags of a projected file with samples 10 units apart. `keys`: further keys and their values, in addition to the types
+    /// of model and raster.
     fn tags(model: u64, keys: &[[u64; 2]]) -> Tags {
         let mut directory = vec![1, 1, 0, keys.len() as u64 + 2, 1024, 0, 1, model, 1025, 0, 1, 1];
         directory.extend(keys.iter().flat_map(|&[key, value]| [key, 0, 1, value]));
@@ -513,7 +516,7 @@ mod tests {
         refused(&tags(2, &[[2048, 4326], [2054, 9105]]), &["angles", "EPSG:CODE"]);
         refused(&tags(2, &[[3072, 32_632]]), &["contradicts itself", "geographic, but name a projected system"]);
         refused(&tags(3, &[]), &["geocentric"]);
-        // Without the type of the model, the systems decide.
+        // If the type of the model is missing, the coordinate systems decide.
         let mut old = at(11.0, 47.0);
         old.keys = Some(vec![1, 1, 0, 1, 2048, 0, 1, 4326]);
         refused(&old, &["degrees apart"]);
@@ -524,7 +527,7 @@ mod tests {
         let web = |y: f64| Tags { tie_points: Some(vec![0.0, 0.0, 0.0, 1_224_514.0, y, 0.0]), ..tags(1, &[[3072, 3857], [3076, 9001]]) };
         refused(&web(5_942_074.0), &["EPSG:3857", "6.82 m on the ground", "latitude 47.0", "EPSG:32632 -tr 6.82"]);
         assert!((metres(&web(100.0)) - 10.0).abs() < 1e-12, "at the equator, distances are true");
-        // Both codes have metres, so the unit needs no key.
+        // The unit of all three systems is the metre, so no key is needed.
         for system in [3857, 3785, 3395] {
             let keys = tags(1, &[[3072, system]]).keys;
             refused(&Tags { keys, ..web(5_942_074.0) }, &[&format!("EPSG:{system}"), "6.82 m on the ground"]);

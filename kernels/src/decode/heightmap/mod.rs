@@ -1,11 +1,11 @@
-//! Heightmaps from files: 16-bit PNG, RAW (16-bit integers or 32-bit floats), OpenEXR and (Geo)TIFF.
+//! Reads heightmaps from files: 16-bit PNG, RAW (16-bit integers or 32-bit floats), OpenEXR and (Geo)TIFF.
 //!
 //! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a file
 //! that is too large is refused before memory is allocated for it.
 //!
-//! The reader of each format returns the samples as they are stored, and all that the file says about them (`raster.rs`). Then, in this order: samples
-//! without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Whatever a file says is applied, or the
-//! file is refused in one line; a [`Report`] says what was understood.
+//! The reader of each format returns the samples as they are stored, and all statements of the file about them (`raster.rs`). Then, in this
+//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Every
+//! statement of the file is applied, or the file is refused with an error of one line. A [`Report`] lists how the file was interpreted.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
@@ -41,16 +41,17 @@ pub use report::Report;
 /// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
-/// Relief, in metres, up to which floats may be normalised to 0..1 instead of metres.
+/// If the range of floats is at most this, metres, a note says that they may be normalised to 0..1.
 const NORMALISED_RELIEF_M: f64 = 1.0;
 
-/// Step between neighbouring half floats from which on a note says that precision is lost, metres.
+/// If neighbouring half floats are farther apart than this, metres, a note says that precision is lost.
 const COARSE_STEP_M: f64 = 0.25;
 
-/// Elements of GDAL's metadata beside a file (*PAM: persistent auxiliary metadata*) that say what its samples mean.
+/// XML elements that say what the samples of a heightmap mean. GDAL writes them to a file of metadata beside the heightmap (`.aux.xml`,
+/// *PAM: persistent auxiliary metadata*).
 const STATEMENTS_BESIDE: [&str; 4] = ["Scale", "Offset", "NoDataValue", "UnitType"];
 
-/// Limit of the length of such metadata, bytes.
+/// Largest length of a `.aux.xml` file, bytes.
 const LARGEST_METADATA: u64 = 1 << 26;
 
 /// Elevations on a regular grid.
@@ -66,15 +67,15 @@ pub struct Heightmap {
     pub samples: Vec<f32>,
 }
 
-/// A heightmap, and what was understood of its file.
+/// A heightmap, and the report on its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// The heightmap. All samples are finite.
     pub map: Heightmap,
-    /// What was understood.
+    /// How the file was interpreted.
     pub report: Report,
-    /// Columns and rows of the samples that have no data and shall be holes in the ground; empty unless [`Voids::Holes`] is asked for. They are filled
-    /// in the map.
+    /// Columns and rows of the samples without data that become holes in the ground; empty unless the options contain [`Voids::Holes`]. In
+    /// `map`, these samples are filled, too.
     pub holes: Vec<[u32; 2]>,
 }
 
@@ -150,11 +151,11 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `r32`, `bin`, `exr`, `tif`, `tiff`).
 ///
 /// # Errors
-/// [`Error::File`] if the operating system cannot read the file, or metadata beside it. [`Error::Heightmap`] if a file beside it is a mask or says what
-/// its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged or of a kind that is not supported; if it is
-/// too large; if what it says about its samples contradicts itself or the options, or cannot be applied; if an option does not apply to it; if the
-/// spacing or the meaning of its samples is not known; if samples have no data, and shall not be filled; if samples are beyond 100 000 m; or if all
-/// samples are equal.
+/// [`Error::File`] if the operating system cannot read the file, or metadata beside it. [`Error::Heightmap`] if a file beside it is a mask
+/// or says what its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged or of a kind that is not supported; if it is too
+/// large; if what it says about its samples contradicts itself or the options, or cannot be applied; if an option does not apply to it; if
+/// the spacing or the meaning of its samples is not known; if samples have no data, and the options do not say that they are filled; if
+/// samples are beyond 100 000 m; or if all samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;
@@ -231,7 +232,7 @@ fn understand(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) ->
     finish(raster, &name, options)
 }
 
-/// Makes a heightmap of stored samples.
+/// Converts stored samples to a heightmap.
 fn finish(raster: Raster, name: &str, options: &ReadOptions) -> std::result::Result<Reading, Fault> {
     let found = voids::find(&raster, &options.no_data, options.voids)?;
     let spacing = raster.spacing.resolve(options.metres_per_texel)?;
@@ -304,7 +305,7 @@ fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
 
 /// A note about the precision of half floats in this range, if it is low. `scale`: metres per unit.
 ///
-/// Between 2^e and 2^(e + 1), half floats are 2^(e - 10) apart (IEEE 754 binary16), and below 2^-14, 2^-24.
+/// Between 2^e and 2^(e + 1), half floats are 2^(e - 10) apart (IEEE 754 binary16). Below 2^-14, they are 2^-24 apart.
 fn note_of_half([low, high]: [f64; 2], scale: f64) -> Option<String> {
     let largest = low.abs().max(high.abs());
     let exponent = largest.log2().ceil() - 1.0;

@@ -1,13 +1,13 @@
-//! How a heightmap is read: what the user knows about a file, and wants of it.
+//! Options for reading a heightmap: what the user states about the file, and how it is treated.
 
 use std::path::Path;
 
 use crate::decode::fault::Fault;
 
-/// Limit of the number of samples that are read along each edge. For a larger file, the caller must give a window.
+/// Largest number of samples that are read along each edge. For a larger file, the caller must give a window.
 pub const MAX_SIDE: u32 = 16_385;
 
-/// Limit of the distance between samples, metres; the limit of a scene file.
+/// Largest distance between samples, metres. Scene files have the same limit.
 pub(super) const MAX_SPACING_M: f64 = 1.0e5;
 
 /// How to read a heightmap. Messages call the options by their names in `experiments import`.
@@ -16,9 +16,9 @@ pub struct ReadOptions {
     /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states it. A value that contradicts the file
     /// is an error.
     pub metres_per_texel: Option<f64>,
-    /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of the float
-    /// samples 0 and 1 if all samples lie in 0..=1. Required for integer samples if the file does not state what they mean. Other float samples are
-    /// metres, and a range is an error.
+    /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
+    /// the float samples 0 and 1 if all samples lie in 0..=1. Required for integer samples if the file does not state what they mean. All
+    /// other float samples are metres, and a range is then an error.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,
@@ -28,34 +28,36 @@ pub struct ReadOptions {
     pub window: Option<[u32; 4]>,
     /// Name of the channel of an OpenEXR file that holds the heights, with or without part and layer: `part.layer.channel`.
     pub channel: Option<String>,
-    /// Which values mean that a sample has no data.
+    /// The values that mark missing data.
     pub no_data: NoData,
-    /// What becomes of samples without data.
+    /// The treatment of samples without data.
     pub voids: Voids,
 }
 
-/// Which values mean that a sample has no data. NaN, infinity, masks and missing tiles always mean it. Values are compared with samples as they are
-/// stored, before these become metres.
+/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, masks, and missing tiles of a file that names a value
+/// always mark missing data. Values are compared with samples as they are stored, before the samples are converted to metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
-    /// The value that the file names. If it names none, values that usually mean it, such as -9999, are refused until they are named or kept.
+    /// The value that the file names. Other values that usually mark missing data, such as -9999, are refused; the user must
+    /// name or allow them.
     #[default]
     Stated,
-    /// The value that the file names, and these. Other values that usually mean it are refused, as in `Stated`.
+    /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
     Named(Vec<f64>),
-    /// No value: each finite sample is ground.
+    /// No value: all other finite samples, and transparent ones, are ground.
     Nothing,
 }
 
-/// What becomes of samples without data.
+/// The treatment of samples without data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Voids {
     /// The file is refused.
     #[default]
     Refuse,
-    /// They get the heights of a membrane that is stretched over the gap. It is smooth, and never higher or lower than the rim of the gap.
+    /// Samples without data get the heights of a smooth membrane that is stretched over the gap. The membrane stays between the lowest and
+    /// the highest sample of the rim of the gap.
     Fill,
-    /// They are filled, and opened as circular holes in the ground of the scene.
+    /// Samples without data are filled as with `Fill`, and become circular holes in the ground of the scene.
     Holes,
 }
 
@@ -72,7 +74,7 @@ pub(super) enum Format {
 }
 
 impl Format {
-    /// The format that the extension of a file means.
+    /// The format that belongs to the extension of a file.
     pub(super) fn of(path: &Path) -> Result<Format, Fault> {
         match path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default().as_str() {
             "png" => Ok(Format::Png),
@@ -95,7 +97,7 @@ impl Format {
 }
 
 impl ReadOptions {
-    /// Checks the options that need no samples.
+    /// Checks the options that can be checked without samples.
     pub(super) fn check(&self, format: Format) -> Result<(), Fault> {
         let refuse = |what: String| Err(Fault::Unsupported(what));
         if let Some(spacing) = self.metres_per_texel

@@ -1,4 +1,4 @@
-//! 16-bit PNG files (PNG specification, third edition).
+//! Reads 16-bit PNG files (PNG specification, third edition).
 
 use std::io::{BufRead, Seek, SeekFrom};
 
@@ -15,11 +15,11 @@ use crate::decode::fault::Fault;
 
 /// Bytes of the signature and of the header up to the type of colour.
 const START: usize = 26;
-/// Limit of the factor by which Deflate compresses, rounded up (RFC 1951: 258 bytes from 2 bits).
+/// Largest factor by which Deflate can compress (RFC 1951: 258 bytes from 2 bits, a factor of 1032), rounded up.
 const MOST_COMPRESSED: u64 = 1100;
 
-/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data, and so has a
-/// grey level that the file declares as transparent (chunk tRNS; GDAL writes its no-data value so).
+/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data, and
+/// so has a grey level that the file declares as transparent (chunk tRNS, in which GDAL stores its no-data value).
 pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let mut start = [0; START];
     input.read_exact(&mut start).and_then(|()| input.rewind()).map_err(Fault::of_io)?;
@@ -113,7 +113,7 @@ fn kind(bits: u8, colour: u8) -> String {
     format!("{bits}-bit {colour}")
 }
 
-/// Name and formula of an encoding of elevations in 8-bit colours, if the picture looks like one.
+/// Name and formula of an encoding of elevations in 8-bit colours; `None` if the picture does not look like such an encoding.
 ///
 /// The low byte of such an encoding jumps from pixel to pixel, but the decoded elevations are smooth. In a photograph, all channels are smooth.
 fn packed(decoder: PngDecoder<impl BufRead + Seek>) -> Result<Option<(&'static str, &'static str)>, Fault> {
@@ -158,7 +158,7 @@ fn roughness(pixels: &[[u8; 3]], width: usize, value: impl Fn([u8; 3]) -> f64) -
     if high > low { sum / count / (high - low) } else { 0.0 }
 }
 
-/// The decoder's error in our words.
+/// Converts an error of the decoder.
 fn fault(error: ImageError) -> Fault {
     match error {
         ImageError::IoError(source) => Fault::of_io(source),
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn rows_that_exceed_the_limit_of_memory_are_refused() {
         let mut bytes = Vec::new();
-        // 2^25 pixels of 8 bytes are 256 MiB.
+        // 2^25 pixels of 8 bytes are 256 MiB, and the limit is 64 MiB.
         let mut encoder = png::Encoder::new(&mut bytes, 1 << 25, 1);
         encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Sixteen);

@@ -1,4 +1,4 @@
-//! What the reader of a format returns: samples as they are stored, and all that the file says about them.
+//! The result of the reader of a format: samples as they are stored, and all statements of the file about them.
 
 use tiff::decoder::DecodingResult;
 
@@ -20,17 +20,17 @@ pub(super) struct Raster {
     pub(super) holds_codes: bool,
     /// The samples, row by row, row 0 = north.
     pub(super) stored: Stored,
-    /// Samples without data, where something other than the value says so; empty if there are none.
+    /// For each sample, the reason why it has no data, if the reason is not its value; empty if there is no such sample.
     pub(super) absent: Vec<Option<Absent>>,
     /// The value that the file gives to samples without data.
     pub(super) no_data: Option<f64>,
-    /// What the file says about the unit of its heights.
+    /// The statement of the file about its heights.
     pub(super) statement: Statement,
-    /// What the file says about the distance between samples.
+    /// The statement of the file about the distance between samples.
     pub(super) spacing: Spacing,
     /// Where north is in the file, in words.
     pub(super) orientation: &'static str,
-    /// What the user should know, one line each.
+    /// Notes for the user, one line each.
     pub(super) notes: Vec<String>,
 }
 
@@ -42,14 +42,14 @@ impl Raster {
     }
 }
 
-/// Why a sample has no data, if not because of its value.
+/// The reason why a sample has no data, if the reason is not its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Absent {
-    /// It lies in a strip or tile that the file does not hold.
+    /// The sample lies in a strip or tile that the file does not hold.
     Missing,
-    /// The mask of the file hides it.
+    /// The mask of the file hides the sample.
     Masked,
-    /// It is transparent.
+    /// The pixel of the sample is transparent.
     Transparent,
 }
 
@@ -60,7 +60,7 @@ pub(super) enum Stored {
 }
 
 impl Stored {
-    /// As many zeros.
+    /// `count` zeros, in the type for this depth.
     pub(super) fn zeros(depth: Depth, count: usize) -> Stored {
         if depth.fits_single() { Stored::Single(vec![0.0; count]) } else { Stored::Double(vec![0.0; count]) }
     }
@@ -80,9 +80,9 @@ impl Stored {
         }
     }
 
-    /// A value of a sample as text, in the digits of its type.
+    /// A value of a sample as text, with the digits that the type of the samples needs.
     pub(super) fn shown(&self, value: f64) -> String {
-        // Longer numbers are readable only as powers of ten.
+        // Large numbers are written with an exponent, which is easier to read than many digits.
         match self {
             Stored::Single(_) if value.abs() >= 1e12 => format!("{:e}", value as f32),
             Stored::Single(_) => (value as f32).to_string(),
@@ -91,8 +91,8 @@ impl Stored {
         }
     }
 
-    /// Whether a sample has a value that was written as text: equal in the type of the sample. Texts of huge numbers are often shortened, for example
-    /// -3.40282e+38, so these need only agree in five digits.
+    /// Whether a sample equals a value that was written as text. The two are compared in the type of the sample. Texts of huge numbers are
+    /// often shortened, for example to -3.40282e+38, so huge numbers need only agree in five digits.
     pub(super) fn is(&self, sample: f64, value: f64) -> bool {
         let is_equal = match self {
             Stored::Single(_) => sample as f32 == value as f32,
@@ -101,7 +101,8 @@ impl Stored {
         is_equal || (value.is_finite() && value.abs() >= 1e30 && (sample - value).abs() <= 1e-5 * value.abs())
     }
 
-    /// Copies `count` decoded samples, from index `from`, to index `to`. Returns false if the types do not fit, or there are not as many.
+    /// Copies `count` decoded samples, from index `from`, to index `to`. Returns false if the types do not fit, or there are fewer
+    /// than `count` samples.
     pub(super) fn put(&mut self, to: usize, decoded: &DecodingResult, from: usize, count: usize) -> bool {
         use DecodingResult as D;
         match (self, decoded) {
@@ -152,7 +153,7 @@ pub(super) fn turn<T>(samples: &mut [T], width: usize, rows: bool, columns: bool
     }
 }
 
-/// The window x, y, width, height of an image that is `width` wide.
+/// Cuts the window x, y, width, height out of an image that is `width` wide.
 pub(super) fn crop<T: Copy>(samples: Vec<T>, width: u32, [x, y, w, h]: [u32; 4]) -> Vec<T> {
     let (width, x, y, w, h) = (width as usize, x as usize, y as usize, w as usize, h as usize);
     if w == width && y == 0 && samples.len() == w * h {

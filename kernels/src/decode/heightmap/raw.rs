@@ -1,4 +1,4 @@
-//! RAW files: samples row by row, without a header. 16-bit unsigned integers, or 32-bit floats in `.r32` files.
+//! Reads RAW files: samples row by row, without a header. The samples are 16-bit unsigned integers or, in `.r32` files, 32-bit floats.
 
 use std::io::{BufRead, Seek, SeekFrom};
 
@@ -11,11 +11,12 @@ use crate::decode::fault::Fault;
 
 /// Smallest number of samples from which the byte order is judged.
 const JUDGED: usize = 256;
-/// Samples in the wrong byte order are at least this much rougher than in the right one.
+/// Samples in the wrong byte order are rougher than in the right byte order by more than this factor.
 const ROUGHER: f64 = 4.0;
-/// Roughness from which on samples may be in the wrong byte order. Random numbers have 1/3, terrain up to about 0.05.
+/// Samples may be in the wrong byte order if their roughness is above this number. Random numbers have a roughness of 1/3, terrain
+/// of up to about 0.05.
 const ROUGH: f64 = 0.15;
-/// Absolute values of floats that heights have, apart from 0.
+/// Absolute values that are plausible for heights in floats, apart from 0.
 const HEIGHTS: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
 
 /// Reads a file of 16-bit integers or 32-bit floats, as `depth` says.
@@ -26,7 +27,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions, depth:
         Some(size) => size,
         None => [square(length, bytes).ok_or_else(|| no_square(length, depth))?; 2],
     };
-    // A u64 is too small for the largest sizes that can be given.
+    // A u64 is too small for the product of the largest sizes that can be given.
     let expected = u128::from(width) * u128::from(height) * u128::from(bytes);
     if expected != u128::from(length) {
         return Err(Fault::Unsupported(format!(
@@ -69,7 +70,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions, depth:
     })
 }
 
-/// The edge of the square of samples of `bytes` bytes each that has this length.
+/// The edge, in samples, of a square image of `length` bytes with `bytes` bytes per sample; `None` if there is no such square.
 fn square(length: u64, bytes: u64) -> Option<u32> {
     let side = ((length / bytes) as f64).sqrt().round() as u64;
     u32::try_from(side).ok().filter(|&side| side > 0 && u64::from(side) * u64::from(side) * bytes == length)
@@ -84,7 +85,7 @@ fn no_square(length: u64, depth: Depth) -> Fault {
     Fault::Unsupported(format!("{length} bytes are not a square of samples of {} bits; {}", depth.bits(), hints.join(", or ")))
 }
 
-/// What a file of this length probably holds instead, with the remedy.
+/// A guess, from the length of the file, at the type of its samples, with the remedy; `None` if no type fits.
 fn other_depth(samples: u64, length: u64, depth: Depth) -> Option<&'static str> {
     match (length.checked_div(samples)?, depth) {
         _ if !length.is_multiple_of(samples) => None,
@@ -95,7 +96,7 @@ fn other_depth(samples: u64, length: u64, depth: Depth) -> Option<&'static str> 
     }
 }
 
-/// Returns the samples, and whether they are terrain only in the other byte order.
+/// Returns the samples, and whether they look like terrain only in the other byte order.
 fn integers(bytes: &[u8], big_endian: bool, width: usize) -> (Vec<f32>, bool) {
     let (pairs, _) = bytes.as_chunks::<2>();
     let value =
@@ -109,7 +110,7 @@ fn integers(bytes: &[u8], big_endian: bool, width: usize) -> (Vec<f32>, bool) {
     (samples, is_swapped)
 }
 
-/// The same for floats. In the wrong byte order, their exponents are random.
+/// Does the same as `integers`, for floats. In the wrong byte order, the exponents of floats are random.
 fn floats(bytes: &[u8], big_endian: bool) -> (Vec<f32>, bool) {
     let (quads, _) = bytes.as_chunks::<4>();
     let value = |quad: &[u8; 4], big_endian: bool| if big_endian { f32::from_be_bytes(*quad) } else { f32::from_le_bytes(*quad) };
@@ -177,7 +178,7 @@ mod tests {
 
     #[test]
     fn numbers_that_only_look_swapped_are_read() {
-        // 8 bits in the high byte: equally smooth in both orders.
+        // All samples have 8 bits in the high byte and 0 in the low byte, so they are equally smooth in both orders.
         let wide: Vec<u8> = (0..1200).flat_map(|i| ((hill(i) / 4.0) as u16 * 256).to_le_bytes()).collect();
         let options = ReadOptions { raw_size: Some([40, 30]), ..ReadOptions::default() };
         assert!(read(Cursor::new(&wide), &options, Depth::Unsigned16).is_ok());

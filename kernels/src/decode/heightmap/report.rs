@@ -1,8 +1,8 @@
-//! What a reader understood of a heightmap, for the user to check.
+//! The report on a heightmap: how its file was interpreted, for the user to check.
 
 use std::fmt;
 
-/// What was understood of a file. As text, it is several lines without a line break at the end.
+/// The interpretation of a file. Its text has several lines, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// Name of the file, format, and kind of its samples.
@@ -13,21 +13,21 @@ pub struct Report {
     pub window: [u32; 4],
     /// Distance between samples, metres.
     pub spacing_m: f64,
-    /// Where the distance is from.
+    /// Origin of the distance.
     pub spacing_from: String,
     /// Lowest and highest sample with data, as they are stored.
     pub stored: [String; 2],
     /// Lowest and highest elevation, metres.
     pub elevations_m: [f64; 2],
-    /// How stored samples become metres, and who says so.
+    /// How stored samples are converted to metres, and the origin of this information.
     pub mapping: String,
     /// Where north is in the file.
     pub orientation: String,
     /// Number of samples without data.
     pub void_count: usize,
-    /// What became of samples without data, and why they have none.
+    /// The treatment of samples without data, and the reasons why they have none.
     pub voids: String,
-    /// What the user should know, one line each.
+    /// Notes for the user, one line each.
     pub notes: Vec<String>,
 }
 

@@ -1,10 +1,10 @@
-//! From stored samples to metres: what the file says, what the user says, and whether both agree.
+//! Finds the conversion of stored samples to metres, from the statements of the file and of the user, and checks that these agree.
 
 use super::depth::Depth;
 use super::units::Unit;
 use crate::decode::fault::Fault;
 
-/// What a file says about the unit of its heights: height = (sample x scale + offset) x unit. Each part may be absent.
+/// The statement of a file about its heights: height = (sample x scale + offset) x unit. Each part may be absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Statement {
     pub(super) scale: Option<f64>,
@@ -12,18 +12,18 @@ pub(super) struct Statement {
     pub(super) unit: Option<Unit>,
 }
 
-/// The map from a sample to metres: sample x scale + offset.
+/// The conversion of a sample to metres: sample x scale + offset.
 #[derive(Debug, PartialEq)]
 pub(super) struct Mapping {
     pub(super) scale: f64,
     pub(super) offset: f64,
-    /// The map, and where it comes from, in words.
+    /// The conversion and its origin, in words.
     pub(super) how: String,
-    /// What the user should know.
+    /// A note for the user.
     pub(super) note: Option<String>,
 }
 
-/// Largest relative difference between an elevation from the file and one from the user that is taken for rounding.
+/// Largest relative difference between an elevation from the file and one from the user that counts as rounding.
 const SAME: f64 = 1e-6;
 
 impl Statement {
@@ -31,7 +31,7 @@ impl Statement {
         *self == Statement::default()
     }
 
-    /// Scale and offset to metres.
+    /// Scale and offset of the conversion to metres.
     fn factors(&self) -> [f64; 2] {
         let metres = self.unit.map_or(1.0, |unit| unit.metres);
         [self.scale.unwrap_or(1.0) * metres, self.offset.unwrap_or(0.0) * metres]
@@ -54,8 +54,8 @@ impl Statement {
     }
 }
 
-/// Returns the map to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest possible integer, or of
-/// the floats 0 and 1, metres.
+/// Returns the conversion to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest
+/// possible integer, or of the floats 0 and 1, metres.
 ///
 /// # Errors
 /// The meaning of integers is unknown; `range` contradicts the file, or does not apply to the samples.
@@ -72,7 +72,7 @@ pub(super) fn mapping(depth: Depth, statement: &Statement, stored: [f64; 2], ran
     if let Some(range) = range {
         let [low, high] = ends.map(|sample| sample * scale + offset);
         let agree = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs()).max(1.0);
-        // A range that keeps integers as they are says nothing beyond what the file says.
+        // A range equal to the limits of the integers leaves the samples unchanged, so it does not contradict the file.
         let keeps = !depth.is_float() && range == ends;
         let agrees = agree(range[0], low) && agree(range[1], high);
         if !(keeps || agrees) {

@@ -6,14 +6,14 @@ use crate::decode::fault::Fault;
 /// Largest relative difference between the spacing that the file states and the one that the user gives. People round to three digits or more.
 const SAME: f64 = 1e-3;
 
-/// What a file says about the distance between its samples.
+/// The statement of a file about the distance between its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Spacing {
-    /// Nothing.
+    /// The file states no distance.
     Unknown,
-    /// A number without a unit of length.
+    /// The file states a number without a unit of length.
     WithoutUnit(f64),
-    /// The distance.
+    /// The file states the distance.
     Stated {
         metres: f64,
         /// How the file states it, in words.
@@ -24,16 +24,16 @@ pub(super) enum Spacing {
 /// The distance between samples of a world.
 #[derive(Debug)]
 pub(super) struct Resolved {
-    /// In metres, above 0 and at most 100 000.
+    /// The distance, metres, above 0 and at most 100 000.
     pub(super) metres: f64,
-    /// Where it is from, in words.
+    /// Origin of the distance, in words.
     pub(super) from: String,
-    /// What the user should know.
+    /// A note for the user.
     pub(super) note: Option<String>,
 }
 
 impl Spacing {
-    /// The spacing of the world. `given`: metres, as the user gives them.
+    /// Returns the spacing to use. `given`: the spacing that the user gives, metres.
     pub(super) fn resolve(&self, given: Option<f64>) -> Result<Resolved, Fault> {
         let given_only = |metres: f64, note: Option<String>| Ok(Resolved { metres, from: "as given".to_owned(), note });
         match (self, given) {

@@ -1,8 +1,9 @@
-//! TIFF and GeoTIFF files.
+//! Reads TIFF and GeoTIFF files.
 //!
-//! All that a file says is read once, into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes strips and tiles
-//! (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). It would invert samples of photometric interpretation WhiteIsZero, and
-//! refuses masks. Both is avoided by a [`Patched`] file, in which the interpretation reads as BlackIsZero: a height is the stored number, as in GDAL.
+//! First, all statements of a file are read into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes
+//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). The crate would invert samples of
+//! photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
+//! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -20,12 +21,12 @@ use super::raster::{Absent, Raster, Stored, turn};
 use super::scaling::Statement;
 use crate::decode::fault::Fault;
 
-/// GDAL_METADATA, text.
+/// The tag GDAL_METADATA, which holds a text.
 const GDAL_METADATA: Tag = Tag::Unknown(42_112);
 
-/// Limit of the length of a text, bytes.
+/// Largest length of the text of a tag, bytes.
 const LONGEST_TEXT: u64 = 1 << 20;
-/// Limit of the number of images in a file: pages, overviews and masks.
+/// Largest number of images in a file: pages, overviews and masks.
 const MOST_IMAGES: usize = 1024;
 
 /// Values of the tag Compression that can be decoded, with their names.
@@ -52,12 +53,12 @@ const UNSUPPORTED_COMPRESSIONS: [(u16, &str); 17] = [
     (52_546, "JPEG XL"),
 ];
 
-/// A file in which some bytes read as others.
+/// A file in which some bytes are replaced when they are read.
 struct Patched<R> {
     inner: R,
     length: u64,
     position: u64,
-    /// Positions, and what is read there.
+    /// Positions in the file, and the bytes that are read there instead.
     patches: Vec<(u64, u8)>,
 }
 
@@ -77,7 +78,8 @@ impl<R: Read> Read for Patched<R> {
 
 impl<R: Seek> Seek for Patched<R> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        // Operating systems refuse positions beyond 2^63, which would look like an error of the disk.
+        // A position beyond the end is reported as damage. Otherwise, the operating system would refuse positions beyond 2^63, which would
+        // look like an error of the disk.
         if let SeekFrom::Start(position) = to
             && position > self.length
         {
@@ -90,7 +92,7 @@ impl<R: Seek> Seek for Patched<R> {
 
 type File<R> = Decoder<Patched<R>>;
 
-/// What a file says about one of its images, and where the samples are.
+/// The statements of a file about one of its images, and the positions of the samples.
 struct Layout {
     size: [u32; 2],
     bits: u64,
@@ -113,19 +115,19 @@ struct Layout {
 
 /// A mask that says which samples have data.
 struct Mask {
-    /// Its number in the list of images.
+    /// Number of the mask in the list of images.
     index: usize,
     directory: IfdPointer,
 }
 
-/// All that a file says.
+/// All statements of a file.
 struct Description {
     layout: Layout,
     depth: Depth,
     statement: Statement,
     no_data: Option<f64>,
     mask: Option<Mask>,
-    /// Full images beyond the first one.
+    /// Number of full images in addition to the first one.
     other_images: usize,
     georeference: Georeference,
     is_geotiff: bool,
@@ -149,7 +151,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     let [width, height] = description.layout.size;
     let window = options.window_of([width, height], true)?;
     let Georeference { is_south_up, is_mirrored, .. } = description.georeference;
-    // The window counts from the north-west corner; in the file, that corner may lie elsewhere.
+    // The window is counted from the north-west corner; in the file, this corner may not be the first sample.
     let [x, y, w, h] = window;
     let in_file = [if is_mirrored { width - x - w } else { x }, if is_south_up { height - y - h } else { y }, w, h];
     let mut notes = description.notes();
@@ -187,7 +189,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
 }
 
 impl Layout {
-    /// Reads the layout of the image at which the file stands.
+    /// Reads the layout of the current image of the file.
     fn read<R: Read + Seek>(file: &mut File<R>) -> Result<Layout, Fault> {
         let (width, height) = file.dimensions().map_err(fault)?;
         let code = first(file, Tag::Compression)?.unwrap_or(1);
@@ -231,7 +233,7 @@ impl Layout {
         })
     }
 
-    /// How a sample of a heightmap is stored.
+    /// The type of the samples. An error if a heightmap cannot have such samples.
     fn depth(&self) -> Result<Depth, Fault> {
         let refuse = |what: String| Err(Fault::Unsupported(what));
         let bits = self.bits;
@@ -309,12 +311,12 @@ impl Layout {
         let input = file.inner();
         input.seek(SeekFrom::Start(offset)).map_err(Fault::of_io)?;
         let mut bytes = Vec::new();
-        // At most what the file holds is allocated, whatever the length says.
+        // Memory is allocated only for bytes that the file holds, even if `length` is larger.
         input.take(length).read_to_end(&mut bytes).map_err(Fault::of_io)?;
         Ok(bytes)
     }
 
-    /// Whether the file holds a strip or tile. GDAL leaves out those without data: offset and length are 0.
+    /// Whether the file holds a strip or tile. GDAL leaves out strips and tiles without data; their offset and length are then 0.
     fn holds(&self, chunk: Chunk) -> Result<bool, Fault> {
         let at = chunk.index as usize;
         let (Some(&offset), Some(&length)) = (self.offsets.get(at), self.byte_counts.get(at)) else {
@@ -633,7 +635,7 @@ fn lzw_predictor<R: Read + Seek>(file: &mut File<R>) -> Result<u64, Fault> {
     }
 }
 
-/// The decoder's error in our words.
+/// Converts an error of the decoder.
 fn fault(error: TiffError) -> Fault {
     match error {
         TiffError::IoError(source) => Fault::of_io(source),

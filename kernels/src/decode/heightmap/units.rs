@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unit {
     pub(super) name: &'static str,
-    /// Its length in metres, > 0.
+    /// Length of the unit, metres, above 0.
     pub(super) metres: f64,
 }
 
@@ -32,12 +32,12 @@ const UNITS: [(Option<u16>, Unit, &[&str]); 12] = [
 ];
 
 impl Unit {
-    /// The unit with an EPSG code; None if the code is not known as one of length.
+    /// The unit with an EPSG code; `None` if no unit of length with this code is known.
     pub(super) fn of_code(code: u16) -> Option<Unit> {
         UNITS.iter().find(|(of, ..)| *of == Some(code)).map(|&(_, unit, _)| unit)
     }
 
-    /// The unit with a name, in upper or lower case; None if the name is not known.
+    /// The unit with a name, in upper or lower case; `None` if the name is not known.
     pub(super) fn of_name(name: &str) -> Option<Unit> {
         let name = name.trim().to_lowercase();
         UNITS.iter().find(|(_, unit, names)| unit.name.to_lowercase() == name || names.contains(&name.as_str())).map(|&(_, unit, _)| unit)

@@ -1,19 +1,20 @@
-//! Samples without data. Values are compared as they are stored, before they become metres.
+//! Finds samples without data. Values are compared as they are stored, before they are converted to metres.
 
 use super::depth::Depth;
 use super::options::{NoData, Voids};
 use super::raster::{Absent, Raster};
 use crate::decode::fault::Fault;
 
-/// Values that often mark missing data in files that do not say so: of ESRI, SRTM, Mapbox and others, and the ends of the range of 16-bit integers.
+/// Values that often mark missing data in files that do not say so. They are those of ESRI, SRTM, Mapbox and others, and the ends of the
+/// range of 16-bit integers.
 const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
 /// The marker of 16-bit unsigned integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;
-/// A marker counts as one only if it is farther from all other samples than this share of their range. So real ground of -9999 dm is kept, because
-/// ground is there at -9998 dm, too.
+/// A value of `MARKERS` counts as a marker only if its distance from all other samples is more than this share of their range. So real
+/// ground at -9999 dm is kept, because there is also ground at -9998 dm.
 const MARKER_GAP: f64 = 1.0 / 64.0;
 
-/// From this absolute value on, a float is no elevation in any unit.
+/// A sample whose absolute value is at least this is no elevation in any unit.
 const HUGE: f64 = 1e10;
 
 /// Number of samples from which quartiles are estimated.
@@ -22,15 +23,15 @@ const SURVEYED: usize = 1 << 16;
 /// Analysis*, 1977).
 const FENCE: f64 = 3.0;
 
-/// The samples without data, and why.
+/// The samples without data, and the reasons.
 #[derive(Default)]
 pub(super) struct Found {
-    /// Whether each sample has no data; empty if all have some.
+    /// Whether each sample has no data; empty if all samples have data.
     pub(super) mask: Vec<bool>,
     pub(super) count: usize,
     /// The reasons with their counts, and the place of the first sample, in words; empty if all samples have data.
     pub(super) words: String,
-    /// What the user should know, one line each.
+    /// Notes for the user, one line each.
     pub(super) notes: Vec<String>,
 }
 
@@ -51,8 +52,8 @@ struct Cause {
 /// Finds the samples without data.
 ///
 /// # Errors
-/// A value occurs that usually marks missing data, but neither the file nor the user says so; no sample has data; or there are samples without data, and
-/// they shall not be filled.
+/// A value occurs that usually marks missing data, but neither the file nor the user says so; no sample has data; or there are samples
+/// without data, and `voids` is `Refuse`.
 pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Found, Fault> {
     let stored = &raster.stored;
     let mut named: Vec<(f64, &str)> = Vec::new();
@@ -110,7 +111,7 @@ pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Fo
         refuse_marks(raster, &found)?;
     }
     if let NoData::Named(values) = no_data {
-        // The last causes are those of the named values, in their order.
+        // The last causes in the list belong to the values that the user named, in their order.
         let unused = values.iter().zip(&causes[causes.len() - values.len()..]).filter(|(_, cause)| cause.count == 0);
         found.notes = unused.map(|(value, _)| format!("no sample has the value {} of --no-data", stored.shown(*value))).collect();
     }
@@ -136,7 +137,7 @@ pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Fo
     }
 }
 
-/// The values that usually mark missing data in samples of a kind.
+/// The values that usually mark missing data in samples of this depth.
 fn markers(depth: Depth) -> impl Iterator<Item = f64> {
     let unsigned = (depth == Depth::Unsigned16).then_some(UNSIGNED_MARKER);
     let usual = MARKERS.into_iter().filter(move |_| depth != Depth::Unsigned16);
@@ -182,9 +183,10 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
 
 /// Returns a remark about samples that are far from all others, if there are such samples on either side.
 ///
-/// Far means: outside the outer fences, three interquartile ranges beyond the quartiles, with a gap of at least three interquartile ranges between them
-/// and all samples inside. Steep ground has no such gap: its samples lie on both sides of a fence. Samples that are equal to the median are left out if
-/// they are so many that the quartiles are equal. At most a quarter of the samples can be found in this way.
+/// Samples are far from the others if they lie outside the outer fences, which are three interquartile ranges beyond the quartiles, and if
+/// there is a gap of at least three interquartile ranges between them and all samples inside. Steep ground has no such gap: its samples lie
+/// on both sides of a fence. If so many samples equal the median that the quartiles are equal, these samples are left out of the estimate.
+/// At most a quarter of the samples can be found in this way.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));
@@ -202,7 +204,7 @@ pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
         return None;
     }
     let fences = (lower - reach, upper + reach);
-    // Lowest and highest sample inside the fences; on each side, number, place of the first, and range of the samples outside.
+    // `low` and `high` are the lowest and highest sample inside the fences. `below` and `above` are the samples outside, on each side.
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     let (mut below, mut above) = (Group::default(), Group::default());
     for (index, value) in values() {
@@ -348,7 +350,7 @@ mod tests {
         accepted(&ground(Depth::Unsigned16, [20_000.0, 65_535.0], &[]), &NoData::Stated);
         accepted(&ground(Depth::Unsigned16, [0.0, 65_000.0], &[(5, 65_535.0)]), &NoData::Stated);
         accepted(&ground(Depth::Single, [0.0, 10_040.0], &[(5, 9999.0)]), &NoData::Stated);
-        // Codes of a PNG or RAW file: the highest one is the highest ground.
+        // In a PNG or RAW file, the largest code is the highest ground and not a marker.
         accepted(&Raster { holds_codes: true, ..ground(Depth::Unsigned16, METRES, &[(5, 65_535.0)]) }, &NoData::Stated);
     }
 

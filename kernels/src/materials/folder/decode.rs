@@ -1,4 +1,4 @@
-//! The texels of an image file: PNG, JPEG, TGA and OpenEXR.
+//! Decodes image files to texels: PNG, JPEG, TGA and OpenEXR.
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -17,14 +17,15 @@ use crate::decode::fault::Fault;
 use crate::decode::jpeg;
 use crate::decode::openexr::{self, Channel, Part};
 
-/// Limit of the edge of an image, texels: four times the edge of the finest detail textures. An image of this size takes up to 1.75 GiB of memory until
-/// it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and two of the three exist at the same time.
+/// Largest edge of an image, texels: four times the edge of the largest detail textures. An image of this size takes up to 1.75 GiB of
+/// memory until it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and two of the three
+/// exist at the same time.
 pub(super) const MAX_EDGE: u32 = 8192;
 
 /// Bytes of the header of a TGA file.
 const TGA_HEADER: usize = 18;
 
-/// Which channels are needed.
+/// The channels that a map needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Want {
     /// Red, green and blue, or grey.
@@ -51,12 +52,13 @@ pub(super) enum Encoding {
 pub(super) struct Stored {
     /// Texels along an edge, at least 1.
     pub(super) edge: usize,
-    /// Number of channels that the file has, without alpha: 1 (repeated in all three), 2 (the third is 0) or 3.
+    /// Number of channels that are used: 1 (repeated in all three), 2 (the third is 0) or 3. Alpha counts only where it holds the second
+    /// component of a vector.
     pub(super) channels: usize,
     /// Finite values, row by row.
     pub(super) texels: Vec<[f32; 3]>,
     pub(super) encoding: Encoding,
-    /// What a user should know, one line each.
+    /// Notes for the user, one line each.
     pub(super) remarks: Vec<String>,
 }
 
@@ -133,12 +135,12 @@ fn edge_of(width: u32, height: u32) -> Result<usize, Fault> {
     Ok(width as usize)
 }
 
-/// PNG, JPEG and TGA. `colours`: what a PNG file states.
+/// Decodes a PNG, JPEG or TGA file. `colours`: the statements of a PNG file about its colours.
 fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Result<Stored, Fault> {
     let (width, height) = decoder.dimensions();
     let edge = edge_of(width, height)?;
     decoder.set_limits(Limits::default()).map_err(undecodable)?;
-    // Metadata that cannot be read turn nothing.
+    // If the metadata cannot be read, the image counts as upright.
     if decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms) {
         return Err(Fault::Unsupported("its metadata say that it must be turned or mirrored: save it upright".to_owned()));
     }
@@ -183,7 +185,7 @@ fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Resul
     Ok(Stored { edge, channels, texels, encoding, remarks })
 }
 
-/// The part of a file that has the channels that are needed.
+/// Converts an OpenEXR file. It must have exactly one part with the channels that are needed.
 fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
     let refuse = |what: String| Err(Fault::Unsupported(what));
     let fitting: Vec<(&Part, Vec<&Channel>)> = parts.iter().filter_map(|part| Some((part, channels_of(part, want)?))).collect();
@@ -233,7 +235,7 @@ fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
     Ok(Stored { edge, channels: channels.len(), texels, encoding: Encoding::Floats, remarks })
 }
 
-/// One to three channels; `None`: the part does not have them.
+/// Returns the one to three channels of a part that the map needs; `None`: the part does not have them.
 fn channels_of(part: &Part, want: Want) -> Option<Vec<&Channel>> {
     let named = |names: &[&str]| names.iter().map(|name| part.channel(name)).collect::<Option<Vec<_>>>();
     let mut data = part.channels.iter().filter(|channel| !channel.base_name().eq_ignore_ascii_case("a"));

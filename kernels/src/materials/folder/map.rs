@@ -1,4 +1,4 @@
-//! The values of one map, from the texels of a file.
+//! Converts the texels of a file to the values of a map.
 
 use std::io::{BufRead, Seek};
 use std::path::{Path, PathBuf};
@@ -19,11 +19,11 @@ const NEARLY_ALL: f64 = 0.999;
 const GREY: f32 = 8.0 / 255.0;
 /// Largest difference of red, green and blue that are copies of each other.
 const EQUAL: f32 = 2.5 / 255.0;
-/// Largest distance of the z of normals from a constant that counts as noise.
+/// If the z of a normal differs from a constant by at most this number, the difference counts as noise.
 const CONSTANT_Z: f32 = 0.12;
-/// Largest difference of the length of a normal from 1 that is not reported. Averaged normals are shorter.
+/// Largest difference between 1 and the length of a normal that is not reported. Averaged normals are shorter than 1.
 const LENGTH: f32 = 0.2;
-/// By how much floats may leave the range 0..1, for example after they were resampled; such values are clamped.
+/// Largest distance by which floats may lie outside their range, for example because they were resampled.
 const OVERSHOOT: f32 = 0.05;
 
 /// A square map in memory; row 0 is at v = 0.
@@ -34,12 +34,12 @@ pub struct Map {
     /// The values, row by row. [`Reading::Colour`]: linear red, green and blue, 0..1. [`Reading::Normal`]: a unit vector, x towards +u, y towards +v.
     /// Otherwise: one number in 0..1, three times.
     pub texels: Vec<[f32; 3]>,
-    /// What a user should know about the file, one line each.
+    /// Notes for the user about the file, one line each.
     pub remarks: Vec<String>,
 }
 
-/// Reads a map from the contents of a file. `path` is used in error messages. PNG, JPEG and OpenEXR are distinguished by content; anything else is read
-/// as TGA if the extension of `path` says so.
+/// Reads a map from the contents of a file. `path` is used in error messages. PNG, JPEG and OpenEXR are distinguished by content; anything
+/// else is read as TGA if the extension of `path` is `tga`.
 ///
 /// # Errors
 /// If the file is not a readable image, is not square, or is larger than 8192 texels per side; if its values cannot be those of the map, such as a
@@ -130,9 +130,9 @@ fn number(mut stored: Stored, channel: Option<usize>) -> std::result::Result<Sto
     Ok(stored)
 }
 
-/// Heights are relative, so floats outside 0..1, such as metres, are scaled.
+/// Converts a height map. Heights are relative, so floats outside 0..1, such as metres, are scaled to 0..1.
 fn height(stored: Stored) -> std::result::Result<Map, String> {
-    // Codes lie in 0..1.
+    // Integer codes always lie in 0..1, so only floats are searched.
     let (low, high) = if stored.encoding == Encoding::Floats { range(&stored.texels, 1) } else { (0.0, 1.0) };
     if low >= 0.0 && high <= 1.0 {
         return Ok(mapped(stored, |texel| texel));
@@ -155,15 +155,16 @@ fn share(stored: Stored, inverted: bool) -> std::result::Result<Map, String> {
 
 /// Decodes normals, n = 2 value - 1, and scales them to unit length. n = 0 becomes the normal of a flat surface.
 ///
-/// Floats hold n itself if x or y is negative, or if their mean is nearer to 0 than to 0.5: a texture is flat on average. If the file has no z, or if
-/// z is the same everywhere and cannot be that of unit vectors, it is a two-channel map: z = sqrt(1 - x² - y²).
+/// Floats count as n itself if x or y is negative, or if the mean of x and y is nearer to 0 than to 0.5. (A texture is flat on average, so
+/// the mean is near 0 for n itself, and near 0.5 for encoded values.) If the file has no z, or if z is the same everywhere and does not
+/// make unit vectors with x and y, the file is a two-channel map: z = sqrt(1 - x² - y²).
 fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, String> {
     let total = stored.texels.len() as f64;
     let share_of = |texels: &[[f32; 3]], is: fn(&[f32; 3]) -> bool| count(texels, is) as f64 / total;
     if stored.channels == 1 {
         return Err("the image is grey, but a normal map needs at least red and green: is it a height or bump map?".to_owned());
     }
-    // A two-channel map of a flat surface may be grey, too, but it is the same everywhere.
+    // A two-channel map of a flat surface may be grey, too, but its values do not vary. So only grey maps whose values vary are refused.
     let is_grey = share_of(&stored.texels, |t| (t[0] - t[1]).abs() <= EQUAL && (t[0] - t[2]).abs() <= EQUAL) >= NEARLY_ALL;
     let (low, high) = range(&stored.texels, stored.channels);
     if is_grey && high - low > GREY {

@@ -1,6 +1,7 @@
-//! Materials from image files, scanned or painted: which file of a folder holds which map, and the maps of one material.
+//! Reads materials from folders of image files. The name of a file says which map the file holds.
 //!
-//! [`recognise`] looks at names only, and [`load_maps`] reads the files that it found. Import calls both, so that what it accepts can be drawn.
+//! [`recognise`] uses only the names, and [`load_maps`] reads the files that `recognise` found. The import of a scene chooses files by
+//! the same rules and also calls `load_maps`, so every material that the import accepts can be drawn.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -19,7 +20,7 @@ pub use map::{Map, read};
 pub use names::{Convention, stated_tile_m};
 pub use recognition::{Listing, Reading, Recognised, Set, Sorted, Source, Unused, few, list, recognise, shown, shown_name, sort_out};
 
-/// The maps of a material, and what a user should know about them.
+/// The maps of a material, and notes for the user about them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// The maps.
@@ -36,11 +37,11 @@ pub struct Loaded {
 /// (used as specular occlusion; 1 without it). Names of Poly Haven, ambientCG, Quixel Megascans and others are known, such as `rock_diff_2k` and
 /// `Rock030_2K-PNG_NormalGL`. `gloss` is inverted. `arm`, `orm` and other packed maps are taken apart, and `nor_dx` has its green inverted.
 ///
-/// Files are .png, .jpg, .tga or .exr. An albedo is sRGB, or linear in .exr. Normals are n = 2 value - 1 or, in .exr, n = value; green is up in the
-/// image (OpenGL) unless the name says otherwise; they are renormalised, and z is computed if there is none. Images are squares of any size up to
-/// 8192, and each map may have its own size. If an image is larger than `size`, it is averaged over the area of each texel. If it is smaller, it is
-/// interpolated bilinearly. Both use linear values and wrap around at the edges. The top row of an image becomes the last row, v = 1. The colour mask
-/// is 1 everywhere: a tint applies to the whole material.
+/// Files are .png, .jpg, .tga or .exr. An albedo is sRGB, or linear in .exr. Normals are n = 2 value - 1 or, if an .exr file holds signed
+/// values, n = value; green is up in the image (OpenGL) unless the name says otherwise; they are renormalised, and z is computed if there
+/// is none. Images are squares of any size up to 8192, and each map may have its own size. If an image is larger than `size`, it is
+/// averaged over the area of each texel. If it is smaller, it is interpolated bilinearly. Both use linear values and wrap around at the
+/// edges. The top row of an image becomes the last row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
 ///
 /// # Errors
 /// The errors of [`recognise`] and [`load_maps`]. `name` is the name of the material, for these messages.

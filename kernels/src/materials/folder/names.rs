@@ -1,8 +1,9 @@
-//! What the name of an image file says: which map of a material it holds, and how the map is to be read.
+//! Interprets the name of an image file: which map of a material the file holds, and how the map is to be read.
 //!
-//! The name is split into words at every character that is neither a letter nor a digit, and where a capital letter begins a word (`NormalGL`). Words
-//! that describe only the file (`2K`, `JPG`, `LOD0`, `16bit`) are set aside. Of the words that name a map, the last ones count, because materials are
-//! called `rough_linen` or `metal_plate`. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
+//! The name is split into words at every character that is neither a letter nor a digit, and where a capital letter begins a word
+//! (`NormalGL`). Words that describe only the file (`2K`, `JPG`, `LOD0`, `16bit`) are not part of the name of the map or of the material.
+//! If several words name a map, the last ones count, because the name of a material may contain such words, as `rough_linen` and
+//! `metal_plate` do. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
 //! Megascans, Poliigon, Substance and glTF.
 
 /// Direction in which the green channel of a normal map grows.
@@ -16,7 +17,7 @@ pub enum Convention {
     DirectX,
 }
 
-/// What one channel of a packed map holds.
+/// The contents of one channel of a packed map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Held {
     Height,
@@ -26,7 +27,7 @@ pub(super) enum Held {
     Nothing,
 }
 
-/// What a file holds, according to its name.
+/// The map that a file holds, according to the name of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Albedo,
@@ -42,7 +43,7 @@ pub(super) enum Kind {
     Other(&'static str),
 }
 
-/// What a name says.
+/// The information in the name of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Label {
     pub(super) kind: Kind,
@@ -52,7 +53,7 @@ pub(super) struct Label {
     pub(super) resolution: Option<u32>,
     /// Number of the level of detail; 0 is the finest.
     pub(super) lod: Option<u32>,
-    /// Edge of the photographed area, metres.
+    /// Size of one repeat of the texture, metres.
     pub(super) tile_m: Option<f64>,
 }
 
@@ -92,7 +93,7 @@ const MAPS: &[(&[&str], Kind)] = &[
     (&["roughness", "rough", "rgh"], Kind::Roughness),
     (&["gloss", "glossiness", "smoothness", "smooth"], Kind::Smoothness),
     (&["ao", "ambientocclusion", "ambientocc", "occlusion", "occ", "mixedao"], Kind::Occlusion),
-    // The order of the letters is the order of the channels.
+    // In names such as `arm`, the order of the letters is the order of the channels.
     (&["arm", "aorm", "orm", "occlusionroughnessmetallic"], Kind::Packed([Held::Occlusion, Held::Roughness, Held::Nothing])),
     (&["mra", "mrao"], Kind::Packed([Held::Nothing, Held::Roughness, Held::Occlusion])),
     (&["rma", "rmao"], Kind::Packed([Held::Roughness, Held::Nothing, Held::Occlusion])),
@@ -116,7 +117,7 @@ const MOST_WORDS: usize = 4;
 const OF_THE_FILE: [&str; 14] =
     ["png", "jpg", "jpeg", "exr", "tga", "tif", "tiff", "srgb", "8bit", "16bit", "32bit", "8b", "16b", "seamless"];
 
-/// Reads the name of a file without its extension. `None`: it names no map.
+/// Interprets the name of a file, which is given without its extension. `None`: the name states no map.
 pub(super) fn label(stem: &str) -> Option<Label> {
     let (mut resolution, mut lod, mut tile_m) = (None, None, None);
     let (mut words, mut lower) = (Vec::new(), Vec::new());
@@ -143,8 +144,8 @@ pub(super) fn label(stem: &str) -> Option<Label> {
     Some(Label { kind, material, resolution, lod, tile_m })
 }
 
-/// The edge of a repeat of the texture in metres, if a word of the name states it: `2m`, `1.5m` or `250cm`, from 0.05 to 1000 m. If several words do,
-/// the last one counts.
+/// The size of one repeat of the texture in metres, if a word of the name states it: `2m`, `1.5m` or `250cm`, from 0.05 to 1000 m. If
+/// several words state a size, the last one counts.
 pub fn stated_tile_m(name: &str) -> Option<f64> {
     let mut before = String::new();
     let mut stated = None;
@@ -173,7 +174,7 @@ fn kind_of(word: &str) -> Option<Kind> {
 fn words_of(name: &str) -> Vec<&str> {
     let chars: Vec<(usize, char)> = name.char_indices().collect();
     let mut words = Vec::new();
-    // Byte and index of the first character of the word.
+    // Byte offset and index of the first character of the current word.
     let mut begun: Option<(usize, usize)> = None;
     for (i, &(at, c)) in chars.iter().enumerate() {
         let before = i.checked_sub(1).and_then(|i| chars.get(i)).map(|&(_, c)| c);

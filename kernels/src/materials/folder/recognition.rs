@@ -1,4 +1,4 @@
-//! Which file of a folder holds which map of a material, by the names of the files. No file is opened.
+//! Finds out, from the names of the files in a folder, which file holds which map of a material. No file is opened.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,14 +13,14 @@ use super::names::{Convention, Held, Kind, Label, label};
 /// File name extensions of images that can be read.
 const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "tga", "exr"];
 
-/// File name extensions of other images. They are known so that an error can say what is missing.
+/// File name extensions of other images. They are recognised so that an error can say that their format cannot be read.
 const UNREADABLE: [&str; 16] =
     ["tif", "tiff", "bmp", "dds", "webp", "hdr", "psd", "psb", "gif", "jp2", "ktx", "ktx2", "avif", "heic", "tx", "tex"];
 
 /// File name extensions of texts, which are kept with the images: licences require that notes about the source stay with an image.
 const TEXTS: [&str; 2] = ["txt", "md"];
 
-/// Number of names in a list in a message.
+/// Largest number of names that a message lists.
 const MOST_NAMES: usize = 8;
 
 /// How the texels of a file become a map.
@@ -30,11 +30,11 @@ pub enum Reading {
     Colour,
     /// A normal map.
     Normal(Convention),
-    /// Heights in this channel of an image, 0 = red, or in a grey image.
+    /// Heights in this channel of an image, 0 = red; `None`: in a grey image.
     Height(Option<usize>),
-    /// Values from 0 to 1 in this channel of an image, 0 = red, or in a grey image.
+    /// Values from 0 to 1 in one channel of an image.
     Share {
-        /// The channel; `None`: the image is grey.
+        /// The channel, 0 = red; `None`: the image is grey.
         channel: Option<usize>,
         /// Whether the map is 1 minus the value.
         inverted: bool,
@@ -68,9 +68,9 @@ impl fmt::Display for Reading {
 pub struct Source {
     /// The file.
     pub file: PathBuf,
-    /// How to read it.
+    /// How to read the file.
     pub reading: Reading,
-    /// Edge of a repeat of the texture that the name of the file states, metres.
+    /// Size of one repeat of the texture, metres, if the name of the file states it.
     pub tile_m: Option<f64>,
 }
 
@@ -79,7 +79,7 @@ pub struct Source {
 pub struct Unused {
     /// The file or folder.
     pub path: PathBuf,
-    /// The reason, without the name.
+    /// The reason, without the name of the file or folder.
     pub reason: String,
 }
 
@@ -129,7 +129,7 @@ pub struct Listing {
     pub unused: Vec<Unused>,
 }
 
-/// Lists a folder. Nothing is opened, because opening a pipe may never end.
+/// Lists a folder. No entry is opened, because opening a pipe may never end.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -152,7 +152,7 @@ pub fn list(folder: &Path) -> io::Result<Listing> {
 impl Listing {
     fn add(&mut self, entry: &DirEntry) {
         let path = entry.path();
-        // Programs keep previews and resource forks (`._albedo.png`) in hidden files.
+        // Hidden files are skipped, because programs keep previews and resource forks (`._albedo.png`) in them.
         if entry.file_name().to_string_lossy().starts_with('.') {
             self.unused.push(Unused::new(&path, "hidden"));
             return;
@@ -191,7 +191,7 @@ impl Candidate {
 /// The files of a folder that belong to one material, before one file per map is chosen.
 #[derive(Clone, Debug)]
 pub struct Set {
-    /// Name of the material in the names of the files; empty if they have none.
+    /// Name of the material in the names of the files; empty if these names state no material.
     pub name: String,
     candidates: Vec<Candidate>,
     notes: Vec<PathBuf>,
@@ -200,7 +200,7 @@ pub struct Set {
 /// The files of a folder, sorted by materials.
 #[derive(Clone, Debug, Default)]
 pub struct Sorted {
-    /// One per material.
+    /// One set per material.
     pub sets: Vec<Set>,
     /// Files that belong to no material.
     pub unused: Vec<Unused>,
@@ -208,7 +208,8 @@ pub struct Sorted {
 
 /// Sorts the files of one folder by the materials in their names.
 ///
-/// The files are those of several materials if there is more than one name with an albedo and another map. Otherwise, they all form one set.
+/// The folder holds several materials if at least two of the names each have an albedo and another map. Each of these names then forms a
+/// set. Otherwise, all files form one set.
 pub fn sort_out(files: &[PathBuf]) -> Sorted {
     let mut sorted = Sorted::default();
     let mut notes = Vec::new();
@@ -277,23 +278,23 @@ pub fn recognise(folder: &Path) -> Result<Recognised, String> {
 }
 
 impl Set {
-    /// Whether the files hold at least two kinds of maps, so that they are meant as a material.
+    /// Whether the files count as a material: they hold at least two kinds of maps.
     pub fn is_material(&self) -> bool {
         let kind = |c: &Candidate| mem::discriminant(&c.label.kind);
         self.candidates.first().is_some_and(|first| self.candidates.iter().any(|c| kind(c) != kind(first)))
     }
 
-    /// Gives up the set: returns its files with this reason.
+    /// Returns all files of the set as unused, with this reason.
     pub fn into_unused(self, reason: &str) -> Vec<Unused> {
         self.candidates.iter().map(|c| Unused::new(&c.file, reason)).collect()
     }
 
     /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
     ///
-    /// Of several files for one map, those count that have the same material in their names as the albedo. Of these, the normal map for OpenGL
-    /// counts before one without a convention, and that before one for DirectX; a finer level of detail before a coarser one; a higher resolution,
-    /// up to 8192, before a lower one, if all names state it. Files that cannot be read count only if there are no others. Roughness comes from
-    /// a roughness map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
+    /// If there are several files for one map, they are compared by these criteria, in this order: the same material in the name as in the
+    /// name of the albedo; a format that can be read; for normal maps, the convention (OpenGL before an unstated convention, and this
+    /// before DirectX); a finer level of detail; a higher resolution up to 8192, if all names state one. Roughness comes from a roughness
+    /// map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
     ///
     /// # Errors
     /// One line: a map is missing, or two files remain for the same map.
@@ -372,7 +373,7 @@ impl Set {
 /// Chooses files from the candidates of a set.
 struct Chooser<'a> {
     left: Vec<Candidate>,
-    /// The key of the albedo.
+    /// The key of the candidate that was chosen as the albedo.
     owner: Option<String>,
     unused: Vec<Unused>,
     folder: &'a Path,

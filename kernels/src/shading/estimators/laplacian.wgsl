@@ -1,6 +1,6 @@
 // Two bands of a Laplacian pyramid (Burt and Adelson, 1983).
 
-// 20 fetches per projection.
+// Takes 20 fetches per projection.
 fn shade_laplacian_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     return terrain_splat_bands(pixel.cell, projection, scale);
 }

@@ -5,7 +5,7 @@ fn shade_luna8_project(pixel: ptr<function, Pixel>) {
     (*pixel).projections = vec3<f32>(1.0, 0.0, 0.0);
 }
 
-// 28 fetches.
+// Takes 28 fetches.
 fn shade_luna8_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     return terrain_layers(pixel.cell, projection, scale);
 }
