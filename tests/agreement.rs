@@ -18,6 +18,7 @@ use kernels::gpu::bindings::{Binding, aspect, view};
 use kernels::gpu::{self, Gpu, GpuOptions, Recording};
 use kernels::probe::table::Cells;
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
+use kernels::shared::noise::BORDER;
 use kernels::shared::splat_blend;
 use kernels::view::FrameUniforms;
 
@@ -212,6 +213,20 @@ const CASES: &[Case] = &[
                         }
                     }
                 }
+                // Level ground whose elevation is a border: a third of a metre, the square root of 2 times a power of two, a power of two, and one
+                // step of f32 to either side of each.
+                let root = std::f32::consts::SQRT_2.next_up();
+                for border in [BORDER as f32, root, 512.0 * root, -512.0 * root, 1024.0] {
+                    for z in [border.next_down(), border, border.next_up()] {
+                        for sector_m in [32.0, 64.0, 16_384.0] {
+                            for footprint in [0.0, 1e-4, 0.01, 1.0] {
+                                let place = [3.0, -4.0, 31.7, 0.3, f64::from(z), sector_m];
+                                let step = [footprint, 0.0, 0.0, 0.0, 3.0 * footprint, 0.0, 1.0, 7.0, 9.0];
+                                rows.push([&[kind][..], &place, &step].concat());
+                            }
+                        }
+                    }
+                }
             }
             rows
         },
@@ -221,11 +236,18 @@ const CASES: &[Case] = &[
         other_side_at_most: 4,
         mutants: &[
             // In this order: the blend of two scales is not transformed back to a uniform distribution; the coarse scale is blended with itself; the
-            // seed is hashed without the salt; a sector has one cell too few.
+            // seed is hashed without the salt; a sector has one cell too few; an axis along which the position does not change has the smallest
+            // cells; cells may be smaller than the step of the elevation, or of the position in a sector; borders of elevation lie at multiples of
+            // the cells; the finest scale changes at powers of two.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
             ("noise", "bitcast<u32>(sector) * cells_per_sector +", "bitcast<u32>(sector) * (cells_per_sector - 1u) +"),
+            ("noise", "max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))))", "width"),
+            ("noise", "vec3<i32>(across, across, noise_finest_along(usable_1(elevation)))", "vec3<i32>(across)"),
+            ("noise", "let across = noise_finest_along(usable_positive_1(sector_m, 1e12));", "let across = i32(NOISE_LEVEL_MAX);"),
+            ("noise", "scaled - floor(scaled) >= NOISE_BORDER", "false"),
+            ("noise", "(bits & 0x7fffffu) >= NOISE_OCTAVE_BORDER", "false"),
         ],
     },
     Case {
@@ -233,7 +255,10 @@ const CASES: &[Case] = &[
         extremes: || {
             let mut rows = Vec::new();
             for kind in [2.0, 3.0, 4.0, 5.0, 6.0] {
-                for place in [[0.0; 5], [16_777_216.0, -16_777_216.0, 31.999_998, 1e-3, 8848.0], [1.0, -1.0, 1e20, -1e20, -9e29]] {
+                let border = [2.0, -3.0, 31.7, 0.3, BORDER];
+                let below = [2.0, -3.0, 31.7, 0.3, f64::from((BORDER as f32).next_down())];
+                let far = [[16_777_216.0, -16_777_216.0, 31.999_998, 1e-3, 8848.0], [1.0, -1.0, 1e20, -1e20, -9e29]];
+                for place in [[0.0; 5], far[0], far[1], border, below] {
                     for level in [0.0, -5.0, 16.0, 17.0, -16_777_216.0, 16_777_216.0] {
                         for [pixel, word] in
                             [[0.0, 0.0], [63.0, 15.0], [64.0, 16.0], [16_777_216.0, 36_288_000.0], [16_777_216.0, 4_294_967_295.0]]
@@ -267,10 +292,12 @@ const CASES: &[Case] = &[
             ("noise", "(jitter >> vec4<u32>(12u))", "vec4<u32>(0u)"),
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
-            // Mutants of white noise, in this order: the wrong cells are hashed; the level is not clamped; the noise does not change from frame to
-            // frame.
+            // Mutants of white noise, in this order: the wrong cells are hashed; the level is not clamped; cells may be smaller than the step of the
+            // elevation; borders of elevation lie at multiples of the cells; the noise does not change from frame to frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
-            ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));", "let k = level;"),
+            ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));", "let k = level;"),
+            ("noise", "i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z)", "i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX)"),
+            ("noise", "scaled - floor(scaled) >= NOISE_BORDER", "false"),
             ("noise", "vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u))", "vec4<u32>(pixel, 0u, hash_mix(seed, salt, 0u))"),
         ],
     },

@@ -12,7 +12,7 @@ use kernels::frame::VariantChoice;
 use kernels::frame::picture::AovSet;
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
-use kernels::shared::{hash, select};
+use kernels::shared::{derivatives, hash, select, view};
 use kernels::variant::{Flavour, Variant};
 
 use crate::layouts::constants;
@@ -321,6 +321,8 @@ fn masks_lie_in_the_buffer_where_the_shader_looks() {
     }
     assert_eq!(wgsl.get("NOISE_LEVEL_MIN"), Some(&f64::from(noise::LEVEL_MIN)));
     assert_eq!(wgsl.get("NOISE_LEVEL_MAX"), Some(&f64::from(noise::LEVEL_MAX)));
+    assert_eq!(wgsl.get("NOISE_LEAST_SHARE"), Some(&noise::LEAST_SHARE));
+    assert_eq!(wgsl.get("NOISE_BORDER"), Some(&noise::BORDER));
     // Each decision shifts the mask or slice by a hashed offset. Whatever the offset, the pixels of an area as large as a mask must together read
     // each entry of the mask or slice exactly once.
     for kind in NoiseKind::ALL {
@@ -408,6 +410,152 @@ fn world_cells_have_the_size_asked_for() {
     assert_eq!(noise::white_world(&closer, 4, 8, 3), noise::white_world(&ground([3, 4]), 4, 8, 3));
     // Negative control: hashed noise does depend on the footprint.
     assert_ne!(noise::hashed_isotropic(&closer, 8, 3), noise::hashed_isotropic(&ground([3, 4]), 8, 3));
+}
+
+// ---------------------------------------------------------------- rounding
+
+/// The kinds of noise that are bound to the ground.
+const GROUND: [NoiseKind; 3] = [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic, NoiseKind::WhiteWorld];
+/// Sizes of a pixel on the ground, metres.
+const FOOTPRINTS_M: [f32; 4] = [1e-4, 3e-3, 0.05, 2.0];
+
+/// Returns `x`, moved by a number of steps of f32.
+fn stepped(x: f32, steps: i32) -> f32 {
+    (0..steps.unsigned_abs()).fold(x, |x, _| if steps < 0 { x.next_down() } else { x.next_up() })
+}
+
+/// Returns a point, in f32, of a surface that is perpendicular to an axis: the position does not change along this axis from pixel to pixel.
+fn across(axis: usize, position: [f32; 3], sector_m: f32, footprint: f32) -> HashedPoint<f32> {
+    let (mut ddx, mut ddy) = ([0.0; 3], [0.0; 3]);
+    ddx[(axis + 1) % 3] = footprint;
+    ddy[(axis + 2) % 3] = 2.0 * footprint;
+    HashedPoint { sector: [7, -9], position, sector_m, ddx, ddy, hash_scale: 1.0 }
+}
+
+#[test]
+fn a_step_of_a_coordinate_redraws_few_thresholds() {
+    const POINTS: u32 = 4000;
+    // The share of points whose first threshold changes if a coordinate in `range` is moved by `steps` steps of f32, half of them up, half down.
+    let redrawn = |kind: NoiseKind, level: i32, axis: usize, range: [f64; 2], sector_m: f32, footprint: f32, steps: i32| {
+        let mut random = Random(range[0].to_bits() ^ u64::from(footprint.to_bits()) << 7);
+        let moves = |i: u32| {
+            let mut position = [0, 1, 2].map(|_: i32| random.between(0.0, f64::from(sector_m)) as f32);
+            position[axis] = random.between(range[0], range[1]) as f32;
+            let at = |position| noise::thresholds(kind, &across(axis, position, sector_m, footprint), level, [0; 2], 0, 8, 3)[0];
+            let here = at(position);
+            position[axis] = stepped(position[axis], if i % 2 == 0 { steps } else { -steps });
+            at(position) != here
+        };
+        f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
+    };
+    // A cell has at least 16 steps, so a step crosses a border of the finer of two scales with a probability of at most 1/16, and a border of the
+    // coarser one with at most 1/32. The standard error of the share is at most 0.5 %.
+    let most = 3.0 / 32.0 + 0.025;
+    let mut checked = 0;
+    for kind in GROUND {
+        let levels: &[i32] = if kind == NoiseKind::WhiteWorld { &[WORLD_LEVEL, noise::LEVEL_MAX] } else { &[WORLD_LEVEL] };
+        for &level in levels {
+            for footprint in FOOTPRINTS_M {
+                // Elevations between which the step of f32 grows from 2^-25 m to 2^-10 m.
+                for z in [0.3, 3.7, 61.3, 700.0, 1234.5, 2999.0, 8848.0] {
+                    let share = redrawn(kind, level, 2, [z, z + 1.0], 64.0, footprint, 1);
+                    assert!(
+                        share <= most,
+                        "{kind}, level {level}: {share} redrawn by one step of the elevation {z} m, pixels of {footprint} m"
+                    );
+                    checked += 1;
+                }
+                // The largest sectors have the largest steps.
+                for (axis, sector_m) in [(0, 64.0_f32), (0, 16_384.0), (1, 16_384.0)] {
+                    let range = [f64::from(sector_m) / 2.0, f64::from(sector_m)];
+                    let share = redrawn(kind, level, axis, range, sector_m, footprint, 1);
+                    assert!(share <= most, "{kind}, level {level}: {share} redrawn by one step of axis {axis} in a sector of {sector_m} m");
+                    checked += 1;
+                }
+            }
+        }
+    }
+    assert_eq!(checked, 4 * FOOTPRINTS_M.len() * 10);
+    // Negative control: 64 steps are as long as the finest cells, or longer.
+    assert!(redrawn(NoiseKind::HashedAnisotropic, WORLD_LEVEL, 2, [700.0, 701.0], 64.0, 1e-4, 64) > 0.9);
+}
+
+#[test]
+fn level_ground_at_a_whole_elevation_lies_on_no_border() {
+    for z in [0.25_f32, 1.0, 3.0, 64.0, 512.0, 512.5, 700.0, 1024.0, 1234.5, 2000.75, 4096.0, 8848.0, -400.0] {
+        for kind in GROUND {
+            for (i, footprint) in (0_u16..).zip(FOOTPRINTS_M.iter().cycle().take(200)) {
+                let place = f32::from(i) * 0.317;
+                let at =
+                    |z: f32| noise::thresholds(kind, &across(2, [place, 64.0 - place, z], 64.0, *footprint), WORLD_LEVEL, [0; 2], 0, 8, 3);
+                for steps in [-4, -1, 1, 4] {
+                    assert_eq!(at(stepped(z, steps)), at(z), "{kind}, {steps} steps from {z} m, pixels of {footprint} m");
+                }
+            }
+        }
+    }
+    // Negative control: an elevation at a third of a metre is a border of the cells that are 1 m high.
+    let at = |z: f32| noise::white_world(&across(2, [1.0, 2.0, z], 64.0, 1.0), 0, 8, 3);
+    assert_ne!(at(noise::BORDER as f32), at(stepped(noise::BORDER as f32, -1)));
+}
+
+/// Returns a point of level ground as a shader sees it: the position is computed in f32 from the eye, the pixel's ray and the depth. `to` is the
+/// horizontal vector, metres, from the eye to the point; the eye is `height_m` above the point, whose elevation is `ground_m`.
+fn seen(ground_m: f64, height_m: f64, to: [f64; 2]) -> HashedPoint<f32> {
+    const NEAR_M: f32 = 0.1;
+    // Angle between neighbouring pixels, as a tangent.
+    const PITCH: f64 = 1e-3;
+    const SECTOR_M: f32 = 64.0;
+    // The camera looks horizontally in the direction of the point, so the distance along the view is the horizontal distance.
+    let distance = to[0].hypot(to[1]);
+    let ahead = to.map(|x| x / distance);
+    let single = |v: [f64; 3]| v.map(|x| x as f32);
+    let ray = single([ahead[0], ahead[1], -height_m / distance]);
+    let t = view::distance(NEAR_M, (f64::from(NEAR_M) / distance) as f32);
+    let eye = single([30.0, 30.0, ground_m + height_m]);
+    let local: [f32; 3] = std::array::from_fn(|i| eye[i] + ray[i] * t);
+    let sector = [local[0], local[1]].map(|x| (x / SECTOR_M).floor());
+    let step = |by: [f64; 3]| derivatives::on_plane(ray, single(by), t, [0.0, 0.0, 1.0]);
+    HashedPoint {
+        sector: sector.map(|s| 100 + s as i32),
+        position: [local[0] - sector[0] * SECTOR_M, local[1] - sector[1] * SECTOR_M, local[2]],
+        sector_m: SECTOR_M,
+        ddx: step([ahead[1] * PITCH, -ahead[0] * PITCH, 0.0]),
+        ddy: step([0.0, 0.0, -PITCH]),
+        hash_scale: 1.0,
+    }
+}
+
+#[test]
+fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
+    const POINTS: u32 = 10_000;
+    // Of points of the ground, the share whose choice among four equal texels differs between two frames.
+    let flips = |kind: NoiseKind, ground_m: f64, height_m: f64, raised_m: f64, seeds: [u32; 2]| {
+        let mut random = Random(ground_m.to_bits() ^ height_m.to_bits());
+        let flipped = |_: u32| {
+            let height_m = height_m * random.between(1.0, 1.1);
+            let (distance, (sin, cos)) = (height_m * random.between(0.5, 4.5), random.between(0.0, std::f64::consts::TAU).sin_cos());
+            let choice = |height_m: f64, seed: u32| {
+                let point = seen(ground_m, height_m, [distance * sin, distance * cos]);
+                select::of_4([0.25; 4], noise::thresholds(kind, &point, WORLD_LEVEL, [0; 2], 0, seed, 3)[0])
+            };
+            u32::from(choice(height_m, seeds[0]) != choice(height_m + raised_m, seeds[1]))
+        };
+        f64::from((0..POINTS).map(flipped).sum::<u32>()) / f64::from(POINTS)
+    };
+    for kind in GROUND {
+        for ground_m in [0.0, 0.3, 61.3, 700.0, 700.123, 2000.0, 8848.1] {
+            // From 500 m above, the rounding error of an elevation is that of the eye's elevation, whatever that of the ground.
+            for height_m in [1.7, 30.0, 500.0] {
+                let share = flips(kind, ground_m, height_m, 0.01, [8; 2]);
+                // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the thresholds of the hashed kinds change by up to 1 %.
+                assert!(share < 0.03, "{kind}: {share} flips on ground at {ground_m} m, seen from {height_m} m above");
+            }
+        }
+        // Negative controls: another seed, and an eye so much higher that all cells are larger.
+        assert!(flips(kind, 700.0, 30.0, 0.01, [8, 9]) > 0.7, "{kind}");
+        assert_eq!(flips(kind, 700.0, 30.0, 100.0, [8; 2]) > 0.5, kind != NoiseKind::WhiteWorld, "{kind}");
+    }
 }
 
 // ---------------------------------------------------------------- the frame

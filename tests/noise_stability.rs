@@ -12,9 +12,7 @@ use experiments::stability::motion::{GROUNDS, Measured, Motion, measure};
 use experiments::stability::noise::{Ask, Noise, ORIGINS, of_kind, of_noise, scattered, scattered_rows};
 use experiments::stability::{Row, hold_as_family, motion, noise};
 use kernels::shared::hash;
-use kernels::shared::noise::{
-    BELOW_ONE, HashedPoint, LEVEL_MAX, LEVEL_MIN, NoiseKind, TwoScales, cell, hashed_isotropic, isotropic_scales,
-};
+use kernels::shared::noise::{BELOW_ONE, HashedPoint, LEVEL_MIN, NoiseKind, TwoScales, cell, finest, hashed_isotropic, isotropic_scales};
 use kernels::shared::real::length;
 
 const TABLE: &str = include_str!("../notebooks-data/stability/noise.csv");
@@ -92,7 +90,7 @@ impl Mutant {
         match self {
             Mutant::DpdxTwice => hashed_isotropic(&HashedPoint { ddy: point.ddx, ..*point }, *seed, *salt),
             Mutant::FractSin => {
-                let level = level(point).clamp(f64::from(LEVEL_MIN), f64::from(LEVEL_MAX));
+                let level = level(point).clamp(f64::from(LEVEL_MIN), f64::from(finest_scale(point)));
                 blend(point, level, |cell, k| fract_sin(cell, k, *seed, *salt))
             }
             Mutant::NotClamped => blend(point, level(point), |cell, k| pcg4d(cell, k, *seed, *salt)),
@@ -126,10 +124,16 @@ fn level(point: &HashedPoint<f64>) -> f64 {
     -(point.hash_scale * length(point.ddx).max(length(point.ddy))).log2()
 }
 
+/// The finest scale of cells that are equally wide along all axes.
+fn finest_scale(point: &HashedPoint<f64>) -> i32 {
+    finest(point).into_iter().min().expect("three axes")
+}
+
 /// Blends two scales as the kernel does, but hashes cells with `hash`.
 fn blend(point: &HashedPoint<f64>, level: f64, hash: impl Fn([u32; 3], i32) -> [f64; 4]) -> [f64; 4] {
     // As in the kernel: at the finest level, there is no finer scale. So the two scales are the finest level and the level before it.
-    let k = if level == f64::from(LEVEL_MAX) { LEVEL_MAX - 1 } else { level.floor() as i32 };
+    let finest = finest_scale(point);
+    let k = if level == f64::from(finest) { finest - 1 } else { level.floor() as i32 };
     let units = |k: i32| hash(cell(point, [k; 3]), k);
     TwoScales { coarse: units(k), fine: units(k + 1), lerp_factor: level - f64::from(k) }.thresholds()
 }
@@ -154,9 +158,10 @@ fn mutants_differ_by_their_line_only() {
     for i in 0..10_000 {
         let ask = scattered(ORIGINS[2].1, i);
         let kernel = hashed_isotropic(&ask.point, ask.seed, ask.salt);
-        let inside = (f64::from(LEVEL_MIN)..f64::from(LEVEL_MAX)).contains(&level(&ask.point));
+        let range = [LEVEL_MIN, finest_scale(&ask.point)].map(f64::from);
+        let inside = (range[0]..range[1]).contains(&level(&ask.point));
         assert!(!inside || Mutant::NotClamped.thresholds(&ask) == kernel, "{ask:?}");
-        let clamped = level(&ask.point).clamp(f64::from(LEVEL_MIN), f64::from(LEVEL_MAX));
+        let clamped = level(&ask.point).clamp(range[0], range[1]);
         assert_eq!(blend(&ask.point, clamped, |cell, k| pcg4d(cell, k, ask.seed, ask.salt)), kernel, "{ask:?}");
         assert_eq!(Mutant::Reseeded.thresholds(&Ask { frame: 0, ..ask }), kernel);
         // At these points, the derivative along x is longer than the one along y, and the kernel uses only the longer one. So this mistake makes no

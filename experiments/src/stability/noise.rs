@@ -11,7 +11,7 @@
 //! number at each place, and for the masks, which add a random jitter at each pixel. They are not tested for interleaved gradient noise, whose
 //! lattice contains each value once.
 
-use kernels::shared::noise::{self, HashedPoint, LEVEL_MAX, NoiseKind, WORLD_LEVEL};
+use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::real::scale;
 use rayon::prelude::*;
 
@@ -259,8 +259,9 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
 }
 
 /// Tests the size of cells at both ends of the range of scales. If the footprint is longer than a sector, two places that are 37 sectors apart must
-/// lie in different cells. If the footprint is very small, cells at an elevation of 2000 m must be 2^-16 m wide. Only kinds that follow the footprint
-/// are tested.
+/// lie in different cells. If the footprint is very small, cells must be as small as the coordinates allow, and no smaller: at an elevation of 2000 m
+/// they are 2^-8 m high, which is 32 steps of f32. At sea level they are 2^-16 m high, the smallest of all; if they are equally wide along all axes,
+/// 2^-13 m, because a sector is 64 m wide. Only kinds that follow the footprint are tested.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -280,17 +281,25 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
         // equal.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // One metre contains 65 536 of the finest cells. Among 65 536 random numbers of 24 bits, 128 on average repeat an earlier one, with a standard
-    // deviation of 11. Up to 200 repetitions are accepted.
-    let cells = f64::from(1 << LEVEL_MAX);
-    let close = |i: u32| {
-        let mut ask = scattered(ORIGINS[1].1, 1);
-        ask.point.position[2] = 2000.0 + f64::from(i) / f64::from(SAMPLES);
-        (ask.point.ddx, ask.point.ddy) = ([(-24.0_f64).exp2(); 3], [0.0; 3]);
-        ask
-    };
-    let first: Vec<f64> = sample(noise, close).iter().map(|s| s[0]).collect();
-    rows.push(Row { low: cells - 200.0, high: cells, ..row(kind, "2000 m", "1 m up", "distinct thresholds", distinct(&first) as f64) });
+    // A metre that begins at a whole elevation lies in one cell more than it has room for, because borders lie a third of a cell above whole
+    // elevations. Among n random numbers of 24 bits, n² / 2^25 on average repeat an earlier one: 128 of 65 536, with a standard deviation of 11. Up to
+    // 200 repetitions are accepted, and up to 2 of 257 numbers, of which 0.002 are expected.
+    let at_sea: u32 = if kind == NoiseKind::HashedAnisotropic { 1 << 16 } else { 1 << 13 };
+    for (view, from_m, cells, repeated) in [("2000 m", 2000.0, 1 << 8, 2), ("0 m", 0.0, at_sea, 200)] {
+        let close = |i: u32| {
+            let mut ask = scattered(ORIGINS[1].1, 1);
+            ask.point.position[2] = from_m + f64::from(i) / f64::from(SAMPLES);
+            (ask.point.ddx, ask.point.ddy) = ([(-24.0_f64).exp2(); 3], [0.0; 3]);
+            ask
+        };
+        let first: Vec<f64> = sample(noise, close).iter().map(|s| s[0]).collect();
+        let range = Row {
+            low: f64::from(cells + 1 - repeated),
+            high: f64::from(cells + 1),
+            ..row(kind, view, "1 m up", "distinct thresholds", 0.0)
+        };
+        rows.push(Row { value: distinct(&first) as f64, ..range });
+    }
     rows
 }
 

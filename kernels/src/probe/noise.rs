@@ -182,15 +182,20 @@ fn hashed_alpha_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
 
 fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ddx, ddy) = (three(row, 7), three(row, 10));
-    let (levels, ulps): (Vec<f64>, f64) = if row[0] < 1.0 {
+    let finest = [row[6], row[6], row[5]].map(finest_level);
+    // Each level, and the finest level of its axis.
+    let (levels, ulps): (Vec<(f64, f64)>, f64) = if row[0] < 1.0 {
         // The footprint is the cell size times a length. Its relative error comes from a dot product (3 roundings), a square root (4.5 ULP) and the
         // product. The tolerance allows 8 ULP.
-        (vec![noise_level(row[13] * length(ddx).max(length(ddy)))], 8.0)
+        let finest = finest[0].min(finest[2]);
+        (vec![(noise_level(row[13] * length(ddx).max(length(ddy)), finest), finest)], 8.0)
     } else {
-        let widen = std::f64::consts::SQRT_2 * row[13];
-        ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
+        // The least share of the widest footprint is a power of two, so this product is exact.
+        let widths = [0, 1, 2].map(|i: usize| (std::f64::consts::SQRT_2 * row[13] * ddx[i].abs().max(ddy[i].abs())).clamp(0.0, 1e6));
+        let least = widths.into_iter().fold(0.0, f64::max) / 16.0;
+        ((0..3).map(|i| (noise_level(widths[i].max(least), finest[i]), finest[i])).collect(), 3.0)
     };
-    let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
+    let error = levels.iter().map(|&(level, _)| level_error(level, ulps)).fold(0.0, f64::max);
     // The indices of cells are exact, because they are products with powers of two, rounded down. So only the blend of the two scales has an error.
     // `error` is the error of the level, and therefore of the blend's factor. It changes the result, which is the blend after its correction to a
     // uniform number, by at most 2.5 times as much; the tolerance allows 3 times. The operations of blend and correction add 12 ULP.
@@ -198,7 +203,7 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     // The anisotropic kind jumps to different cells where the level of one axis passes a whole number and the levels of the other axes do not. Near
     // such a threshold, the results on both sides are accepted. (The isotropic kind is continuous there. At the ends of the range, levels are
     // clamped, so the scale does not change.)
-    let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
+    let at_threshold = |&(l, finest): &(f64, f64)| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < finest;
     if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
 }
 
@@ -227,6 +232,11 @@ fn noise_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
 }
 
 /// Level of a footprint, log2 of cells per metre, clamped to the range of the noise.
-fn noise_level(footprint: f64) -> f64 {
-    (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, 16.0)
+fn noise_level(footprint: f64, finest: f64) -> f64 {
+    (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, finest)
+}
+
+/// The finest level along an axis whose largest coordinate is `largest` m. A cell at this level has 16 to 32 steps of f32 there.
+fn finest_level(largest: f64) -> f64 {
+    (19.0 - largest.abs().log2().round()).clamp(-4.0, 16.0)
 }

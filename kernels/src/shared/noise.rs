@@ -13,6 +13,16 @@
 //! The anisotropic kind has one scale per axis, but a single blend factor. Its thresholds therefore jump where the scale of one axis passes a power
 //! of two and the scales of the other axes do not. This is a limit of the published method.
 //!
+//! A position is computed in f32, so the same point of the ground has slightly different coordinates in two frames. If its cells were as small as that
+//! difference, a camera that moves by a centimetre would redraw all its random numbers. Three rules, which the paper does not have, keep cells larger:
+//!
+//! - No cell is narrower than 2^[`STEPS`] steps of f32 of its coordinate ([`finest`]). The elevation has the step of its own magnitude, such as 0.06 mm
+//!   at 700 m. East and north have that of the edge of a sector, so that the noise does not depend on the sector relative to which a point is given.
+//! - In the anisotropic kind, no axis has cells narrower than [`LEAST_SHARE`] of the widest footprint. On level ground the elevation does not change
+//!   from pixel to pixel; without this rule, it has the smallest cells. The rounding error of depth grows with the distance, as footprints do.
+//! - Along the elevation, borders between cells lie a third of a cell above its multiples ([`BORDER`]). Otherwise, level ground at a whole elevation
+//!   would lie on a border, and one step of f32 would move all of it to other cells.
+//!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
 //! direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. It is computed in fixed point here, where the products are
 //! exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be independent;
@@ -29,8 +39,22 @@ use crate::base::wgsl::Constant;
 
 /// Scale of the largest cells, log2 of cells per metre.
 pub const LEVEL_MIN: i32 = -5;
-/// Scale of the smallest cells, log2 of cells per metre.
+/// Scale of the smallest cells, log2 of cells per metre. [`finest`] has the limit for a place.
 pub const LEVEL_MAX: i32 = 16;
+/// No cell is narrower than 2^`STEPS` steps of f32 of its coordinate.
+pub const STEPS: i32 = 4;
+/// Scale of the smallest cells along an axis whose largest coordinate is 1 m: f32 has 23 bits after the leading one.
+const FINEST_AT_1_M: i32 = 23 - STEPS;
+/// The smallest f32 above the square root of 2, as bits after the leading one. Where the elevation passes 2^n times this number, the finest scale
+/// changes. A power of two would not do: it is the elevation of much level ground.
+const OCTAVE_BORDER: u32 = 0x35_04f4;
+/// Smallest width of a cell of the anisotropic kind along any axis, as a share of its width along the axis of the widest footprint. A power of two, so
+/// that the product is exact.
+pub const LEAST_SHARE: f64 = 1.0 / 16.0;
+/// Position in a cell, along the elevation, at which the next cell begins: a third, as the nearest f32. A third of a cell is no elevation that data
+/// are rounded to, neither in decimals nor in binary fractions. It is below one half, so that f32 and f64 compare alike: the fraction of a small
+/// negative number, which f32 rounds, is above one half.
+pub const BORDER: f64 = 11_184_811.0 / 33_554_432.0;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
@@ -82,6 +106,10 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("NOISE_SPATIO_TEMPORAL_BLUE", Constant::U32(NoiseKind::SpatioTemporalBlue.code())),
     ("NOISE_LEVEL_MIN", Constant::real(LEVEL_MIN as f64)),
     ("NOISE_LEVEL_MAX", Constant::real(LEVEL_MAX as f64)),
+    ("NOISE_FINEST_AT_1_M", Constant::real(FINEST_AT_1_M as f64)),
+    ("NOISE_OCTAVE_BORDER", Constant::U32(OCTAVE_BORDER)),
+    ("NOISE_LEAST_SHARE", Constant::real(LEAST_SHARE)),
+    ("NOISE_BORDER", Constant::real(BORDER)),
     ("NOISE_MASK_EDGE", Constant::U32(blue_noise::EDGE)),
     ("NOISE_MASK_RANKS", Constant::U32(blue_noise::RANKS)),
     ("NOISE_MASK_SLICES", Constant::U32(blue_noise::SLICES)),
@@ -209,7 +237,8 @@ pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
 /// The random numbers at two scales that [`hashed_isotropic`] blends.
 pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
     let extent = length(point.ddx).max(length(point.ddy));
-    let (k, part) = split(level(point.hash_scale * extent));
+    let finest = finest_of_all(point);
+    let (k, part) = split(level(point.hash_scale * extent, finest), finest);
     TwoScales { coarse: cell_units(point, [k; 3], seed, salt), fine: cell_units(point, [k + 1; 3], seed, salt), lerp_factor: part }
 }
 
@@ -217,7 +246,10 @@ pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -
 pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
     // The square root of 2 is the inverse of the paper's factor 0.707. With it, the diagonal of a cell, not its edge, spans the pixel.
     let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
-    let axes: [(i32, T); 3] = std::array::from_fn(|i| split(level(widen * point.ddx[i].abs().max(point.ddy[i].abs()))));
+    let widths: [T; 3] = std::array::from_fn(|i| bounded(widen * point.ddx[i].abs().max(point.ddy[i].abs()), 0.0, 1e6));
+    let least = T::of(LEAST_SHARE) * widths[0].max(widths[1]).max(widths[2]);
+    let finest = finest(point);
+    let axes: [(i32, T); 3] = std::array::from_fn(|i| split(level(widths[i].max(least), finest[i]), finest[i]));
     let k = axes.map(|(k, _)| k);
     let part = axes.map(|(_, part)| part);
     let (to_coarse, to_fine) = (length(part), length(part.map(|p| T::one() - p)));
@@ -254,10 +286,10 @@ pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) 
     hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
 }
 
-/// White noise per cell of a fixed grid in the world. Cells are 2^-`level` m wide; `level` is clamped to [`LEVEL_MIN`]`..=`[`LEVEL_MAX`].
-/// In WGSL: `noise_white_world`.
+/// White noise per cell of a fixed grid in the world. Cells are 2^-`level` m wide; `level` is clamped to [`LEVEL_MIN`] and the smallest of
+/// [`finest`]. In WGSL: `noise_white_world`.
 pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt: u32) -> [T; 4] {
-    cell_units(point, [level.clamp(LEVEL_MIN, LEVEL_MAX); 3], seed, salt)
+    cell_units(point, [level.clamp(LEVEL_MIN, finest_of_all(point)); 3], seed, salt)
 }
 
 /// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32. Each frame shifts the pixel by 5.588238 along both
@@ -331,15 +363,38 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// The level, log2 of cells per metre, at which a cell is `footprint` metres wide; the finest level if the footprint is zero or NaN.
-fn level<T: Real>(footprint: T) -> T {
-    bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
+/// The finest scale along each axis at which a cell has at least 2^[`STEPS`] steps of f32 of its coordinate: log2 of cells per metre, from
+/// [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. In WGSL: `noise_finest`.
+pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
+    let across = finest_along(bounded(point.sector_m, 0.0, 1e12));
+    [across, across, finest_along(usable(point.position[2]))]
 }
 
-/// The lower of the two whole scales around a level, and the blend weight of the upper scale. The upper scale is always the next integer. If it were
-/// the level rounded up, both scales would be equal for a level that is a whole number.
-fn split<T: Real>(level: T) -> (i32, T) {
-    let k = level.floor().to_i32().expect("a level is finite and small").min(LEVEL_MAX - 1);
+/// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m.
+fn finest_along<T: Real>(largest: T) -> i32 {
+    // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
+    let (mantissa, exponent, _) = largest.integer_decode();
+    let zeros = mantissa.leading_zeros();
+    let is_above = mantissa.unbounded_shl(zeros + 1) >= u64::from(OCTAVE_BORDER) << 41;
+    let octave = i32::from(exponent) + 63 - zeros.cast_signed() + i32::from(is_above);
+    (FINEST_AT_1_M - octave).clamp(LEVEL_MIN + 1, LEVEL_MAX)
+}
+
+/// The finest scale of cells that are equally wide along all axes.
+fn finest_of_all<T: Real>(point: &HashedPoint<T>) -> i32 {
+    let [x, y, z] = finest(point);
+    x.min(y).min(z)
+}
+
+/// The level, log2 of cells per metre, at which a cell is `footprint` metres wide; `finest` if the footprint is zero or NaN.
+fn level<T: Real>(footprint: T, finest: i32) -> T {
+    bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(finest))
+}
+
+/// The lower of the two whole scales around a level, and the blend weight of the upper scale. The upper scale is always the next integer, at most
+/// `finest`. If it were the level rounded up, both scales would be equal for a level that is a whole number.
+fn split<T: Real>(level: T, finest: i32) -> (i32, T) {
+    let k = level.floor().to_i32().expect("a level is finite and small").min(finest - 1);
     (k, level - T::of(f64::from(k)))
 }
 
@@ -355,7 +410,8 @@ const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
 /// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
 /// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and a
-/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32.
+/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32. Borders between cells lie at multiples of
+/// their width, along the elevation [`BORDER`] above them.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
@@ -363,7 +419,9 @@ pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
         // Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative numbers to zero and others do not, so
         // they would find different cells.
         let place = if position.abs() >= T::of(LEAST_M) { position } else { T::zero() };
-        let in_sector = whole((usable(place) * per_metre).floor());
+        let scaled = usable(place) * per_metre;
+        let is_above = axis == 2 && scaled - scaled.floor() >= T::of(BORDER);
+        let in_sector = whole(scaled.floor()) + i64::from(is_above);
         let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
         wrapped(sectors.wrapping_add(in_sector))
     })

@@ -5,23 +5,44 @@
 // 1000 km from it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
 
 // Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If a sector is at least 32 m wide, its edge is a whole number of
-// cells long for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each with
-// NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
+// cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks holds the blue-noise mask, then the slices of the
+// spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
 // Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
+// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m. A cell then has at least 16 steps of f32, so that the
+// rounding of a position seldom moves it to another cell.
+fn noise_finest_along(largest: f32) -> i32 {
+    // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
+    let bits = bitcast<u32>(largest);
+    let octave = i32((bits >> 23u) & 0xffu) - 127 + select(0, 1, (bits & 0x7fffffu) >= NOISE_OCTAVE_BORDER);
+    return clamp(i32(NOISE_FINEST_AT_1_M) - octave, i32(NOISE_LEVEL_MIN) + 1, i32(NOISE_LEVEL_MAX));
+}
+
+// The finest scale along each axis. East and north depend on the sector's edge and not on the position, so that there is no seam between sectors.
+fn noise_finest(sector_m: f32, elevation: f32) -> vec3<i32> {
+    let across = noise_finest_along(usable_positive_1(sector_m, 1e12));
+    return vec3<i32>(across, across, noise_finest_along(usable_1(elevation)));
+}
+
+// The finest scale of cells that are equally wide along all axes.
+fn noise_finest_of_all(sector_m: f32, elevation: f32) -> i32 {
+    let finest = noise_finest(sector_m, elevation);
+    return min(finest.x, finest.z);
+}
+
 // The scale, log2(cells per metre), at which a cell is `footprint` metres wide. The finest scale if the footprint is zero or NaN.
-fn noise_level(footprint: f32) -> f32 {
-    return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
+fn noise_level(footprint: f32, finest: i32) -> f32 {
+    return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, f32(finest));
 }
 
 // The lower of the two scales around a level. The upper scale is always the next integer, so that the cells of the two scales differ even
 // if the level is a whole number.
-fn noise_lower(level: f32) -> f32 {
-    return clamp(floor(level), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX - 1.0);
+fn noise_lower(level: f32, finest: i32) -> f32 {
+    return clamp(floor(level), NOISE_LEVEL_MIN, f32(finest - 1));
 }
 
 // 2^k, exactly: exp2 may be off by some ulp, which would move cell borders.
@@ -29,15 +50,24 @@ fn noise_power_of_two(k: i32) -> f32 {
     return bitcast<f32>(u32(clamp(k, -126, 127) + 127) << 23u);
 }
 
+// The coordinate from which a cell is computed. Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative
+// numbers to zero and others do not, so they would find different cells.
+fn noise_place(position: f32) -> f32 {
+    return usable_1(select(0.0, position, abs(position) >= NOISE_LEAST_M));
+}
+
 // Cell along one axis whose coordinate is split into sector and position in the sector.
 fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     let cells_per_metre = noise_power_of_two(k);
     let cells_per_sector = u32(usable_positive_1(sector_m * cells_per_metre, 2147483520.0));
-    // Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative numbers to zero and others do not, so they
-    // would find different cells.
-    let place = select(0.0, position, abs(position) >= NOISE_LEAST_M);
-    let cell = i32(clamp(floor(usable_1(place) * cells_per_metre), -2147483520.0, 2147483520.0));
+    let cell = i32(clamp(floor(noise_place(position) * cells_per_metre), -2147483520.0, 2147483520.0));
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
+}
+
+// Cell along the elevation. Borders lie a third of a cell above the multiples of its width, because level ground often has a whole elevation.
+fn noise_cell_up(elevation: f32, k: i32) -> u32 {
+    let scaled = noise_place(elevation) * noise_power_of_two(k);
+    return noise_cell(0, elevation, 0.0, k) + select(0u, 1u, scaled - floor(scaled) >= NOISE_BORDER);
 }
 
 // Four uniform numbers of the cell that holds the point, at 2^k cells per metre on each axis.
@@ -47,7 +77,7 @@ fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: ve
     let h = hash_pcg4d(vec4<u32>(
         noise_cell(sector.x, position.x, sector_m, k.x),
         noise_cell(sector.y, position.y, sector_m, k.y),
-        noise_cell(0, position.z, 0.0, k.z),
+        noise_cell_up(position.z, k.z),
         hash_mix(seed, salt, level),
     ));
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
@@ -82,8 +112,9 @@ fn noise_blend(coarse: vec4<f32>, fine: vec4<f32>, lerp_factor: f32) -> vec4<f32
 // Hashed alpha with one scale for all axes. `position`: x, y metres in the sector, z metres of elevation; `ddx`, `ddy`: position's screen
 // derivatives, metres per pixel; `hash_scale`: cell size in pixels; `sector_m`: a power of two, 32..=16384.
 fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
-    let level = noise_level(hash_scale * max(length(ddx), length(ddy)));
-    let lower = noise_lower(level);
+    let finest = noise_finest_of_all(sector_m, position.z);
+    let level = noise_level(hash_scale * max(length(ddx), length(ddy)), finest);
+    let lower = noise_lower(level, finest);
     let k = vec3<i32>(i32(lower));
     let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
     let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
@@ -93,9 +124,13 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
 // Hashed alpha with one scale per axis. The parameters are those of noise_hashed_isotropic.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
     // The factor is sqrt 2, because the diagonal of a cell, not its edge, spans the pixel.
-    let footprint = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
-    let level = vec3<f32>(noise_level(footprint.x), noise_level(footprint.y), noise_level(footprint.z));
-    let lower = vec3<f32>(noise_lower(level.x), noise_lower(level.y), noise_lower(level.z));
+    let across = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
+    let width = vec3<f32>(usable_positive_1(across.x, 1e6), usable_positive_1(across.y, 1e6), usable_positive_1(across.z, 1e6));
+    // The elevation does not change along level ground. Without a lower limit, it would have the smallest cells.
+    let footprint = max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))));
+    let finest = noise_finest(sector_m, position.z);
+    let level = vec3<f32>(noise_level(footprint.x, finest.x), noise_level(footprint.y, finest.y), noise_level(footprint.z, finest.z));
+    let lower = vec3<f32>(noise_lower(level.x, finest.x), noise_lower(level.y, finest.y), noise_lower(level.z, finest.z));
     let k = vec3<i32>(lower);
     let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
     let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
@@ -113,9 +148,9 @@ fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// White noise per cell of a fixed grid in the world. Cells are 2^-level m wide.
+// White noise per cell of a fixed grid in the world. Cells are 2^-level m wide, or as wide as the finest scale of the place allows.
 fn noise_white_world(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, level: i32, seed: u32, salt: u32) -> vec4<f32> {
-    let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));
+    let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));
     return noise_cell_units(sector, position, sector_m, vec3<i32>(k), seed, salt);
 }
 
