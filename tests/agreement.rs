@@ -11,6 +11,7 @@
 use std::collections::BTreeSet;
 
 use bytemuck::{Zeroable, bytes_of};
+use glam::DVec3;
 use kernels::base::wgsl::Piece;
 use kernels::classification::{self, Classification, Lists, reference::tile_masks, tiles};
 use kernels::geometry;
@@ -18,9 +19,11 @@ use kernels::gpu::bindings::{Binding, aspect, view};
 use kernels::gpu::{self, Gpu, GpuOptions, Recording};
 use kernels::probe::table::Cells;
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
+use kernels::shared::motion::{Past, reproject};
 use kernels::shared::noise::BORDER;
 use kernels::shared::splat_blend;
 use kernels::view::FrameUniforms;
+use kernels::view::camera::{Pose, View};
 
 use crate::fixtures::{gpu, open};
 
@@ -825,11 +828,13 @@ const CASES: &[Case] = &[
         other_side_at_most: 0,
         mutants: &[
             // In this order: the ray does not depend on the row of the pixel; rows and columns are exchanged; the distance is proportional to the
-            // depth instead of its reciprocal; the distance is infinite where nothing was drawn.
+            // depth instead of its reciprocal; the distance is infinite where nothing was drawn; the centre of the first row is a quarter of a pixel
+            // too high.
             ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
             ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
             ("view", "near_m / usable,", "near_m * usable,"),
             ("view", "usable > VIEW_MIN_DEPTH", "true"),
+            ("", "1.0, first.y", "1.0, 0.5 * first.x"),
         ],
     },
     Case {
@@ -890,12 +895,13 @@ const CASES: &[Case] = &[
         mutants: &[
             // In this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of subtracted;
             // the distance is computed from the wrong row of the camera; the plane ignores the vector between the eyes; the x of the ray has the
-            // wrong sign.
+            // wrong sign; the centre of the first row is a quarter of a pixel too high.
             ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
             ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
             ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
             ("motion", "dot(normal, point + past.offset)", "dot(normal, point)"),
             ("motion", "past.forward + past.x_row * x", "past.forward - past.x_row * x"),
+            ("", "-shift.y", "-0.5 * shift.x"),
         ],
     },
 ];
@@ -985,6 +991,43 @@ fn check(name: &str) {
     let mut broken = got.clone();
     broken[0] = f64::NAN;
     assert!(case.compare(&rows, &broken).is_err(), "{name}: NaN was accepted");
+}
+
+/// A camera at `position` that looks along y, with a picture that is half as high as wide. `half_width` is the tangent of half the horizontal field
+/// of view.
+fn along_y(position: DVec3, half_width: f64, width: u32) -> View {
+    let pose = Pose { position, yaw: 0.0, pitch: 0.0, fov: 2.0 * (half_width / 2.0).atan() };
+    View::new(pose, [width, width / 2], [0.0; 2], 64.0, 0.0)
+}
+
+#[test]
+fn pixels_of_probes_are_those_of_the_frame() {
+    // Two probes have a camera of their own. Its pixels must lie where those of the renderer's camera do: at the corners of the picture, in its
+    // middle, and anywhere else.
+    let [depth_position, reprojection] = ["depth-position", "reprojection"].map(|name| Probe::find(name).unwrap_or_else(|e| panic!("{e}")));
+    let mut draw = Draw { row: 0, column: 0, table: 77 };
+    for width in [2_u32, 64, 640, 1920, 8192] {
+        for half_width in [0.01, 0.5, 2.0] {
+            let [w, h] = [f64::from(width), f64::from(width / 2)];
+            let pitch = 2.0 * half_width / w;
+            for [x, y] in [[0.0, 0.0], [w - 1.0, h - 1.0], [(w - 1.0) / 2.0, (h - 1.0) / 2.0], [draw.unit() * w, draw.unit() * h]] {
+                let distance = draw.between(0.0, 10.0).exp2();
+                let now = along_y(DVec3::ZERO, half_width, width);
+                let point = now.ray(x, y) * distance;
+                let got = depth_position.on_f64(&[x, y, 0.1 / distance, 0.1, half_width, w]);
+                let off_px = point.distance(DVec3::new(got[0], got[1], got[2])) / (pitch * distance);
+                assert!(off_px < 1e-3, "pixel {x}, {y} of {width}: {got:?} instead of {point}, off by {off_px} pixels");
+
+                // The pixel at which an earlier camera saw the point.
+                let offset = DVec3::from_array(draw.vector(-6.0, -1.0)) * distance;
+                let past = along_y(-offset, half_width, width);
+                let want = reproject(point.to_array(), &Past::between(&now, &past));
+                let got = reprojection.on_f64(&[&point.to_array()[..], &offset.to_array(), &[half_width, w], &draw.direction()].concat());
+                let off_px = (got[0] - want[0]).abs().max((got[1] - want[1]).abs());
+                assert!(off_px < 1e-3, "pixel {x}, {y} of {width}: {got:?} instead of {want:?}, off by {off_px} pixels");
+            }
+        }
+    }
 }
 
 #[test]

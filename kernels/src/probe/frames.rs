@@ -94,10 +94,10 @@ pub(super) const REPROJECTION: Probe = Probe {
     wgsl: "\
 fn probe(row: array<f32, 11>) -> array<f32, 4> {
     let width = row[7];
-    let shift = 0.5 * (width - 1.0);
+    let shift = 0.5 * (vec2<f32>(width, 0.5 * width) - vec2<f32>(1.0));
     let pitch = 2.0 * row[6] / width;
     let past = MotionPast(
-        vec3<f32>(row[3], row[4], row[5]), -shift, vec3<f32>(0.0, 1.0, 0.0), -0.5 * shift,
+        vec3<f32>(row[3], row[4], row[5]), -shift.x, vec3<f32>(0.0, 1.0, 0.0), -shift.y,
         vec3<f32>(1.0 / pitch, 0.0, 0.0), 0.0, vec3<f32>(0.0, 0.0, -1.0 / pitch), 0.0,
     );
     let point = vec3<f32>(row[0], row[1], row[2]);
@@ -139,7 +139,7 @@ fn probe(row: array<f32, 11>) -> array<f32, 4> {
 /// The earlier camera of a row. It looks along y, and x points to the right.
 fn past<T: Real>(row: &[T]) -> Past<T> {
     let half = T::of(0.5);
-    let shift = half * (row[7] - T::one());
+    let [x_shift, y_shift] = [row[7], half * row[7]].map(|side| -(half * (side - T::one())));
     let pitch = T::of(2.0) * row[6] / row[7];
     let zero = T::zero();
     Past {
@@ -147,8 +147,8 @@ fn past<T: Real>(row: &[T]) -> Past<T> {
         forward: [zero, T::one(), zero],
         x_row: [T::one() / pitch, zero, zero],
         y_row: [zero, zero, -T::one() / pitch],
-        x_shift: -shift,
-        y_shift: -half * shift,
+        x_shift,
+        y_shift,
     }
 }
 
@@ -172,7 +172,8 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
     let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
-    let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * past.x_shift.abs();
+    let shift = past.x_shift.abs().max(past.y_shift.abs());
+    let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * shift;
     // If the distance is close to the smallest or largest distance that reprojection accepts, rounding decides whether the point is accepted. Both
     // answers are then valid.
     let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);

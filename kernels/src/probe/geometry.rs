@@ -25,9 +25,9 @@ pub(super) const DEPTH_POSITION: Probe = Probe {
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 3> {
     let pitch = 2.0 * row[4] / row[5];
-    let first = 0.5 * (row[5] - 1.0) * pitch;
+    let first = 0.5 * (vec2<f32>(row[5], 0.5 * row[5]) - vec2<f32>(1.0)) * pitch;
     let ray = view_ray(
-        vec3<f32>(-first, 1.0, 0.5 * first), vec3<f32>(pitch, 0.0, 0.0), vec3<f32>(0.0, 0.0, -pitch), vec2<f32>(row[0], row[1])
+        vec3<f32>(-first.x, 1.0, first.y), vec3<f32>(pitch, 0.0, 0.0), vec3<f32>(0.0, 0.0, -pitch), vec2<f32>(row[0], row[1])
     );
     let p = ray * view_distance(row[3], row[2]);
     return array<f32, 3>(p.x, p.y, p.z);
@@ -55,21 +55,26 @@ fn probe(row: array<f32, 6>) -> array<f32, 3> {
     ],
 };
 
-fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
-    let (half, zero) = (T::of(0.5), T::zero());
+/// Step of the ray from pixel to pixel, and the distances of the centre of pixel (0, 0) from the middle of the picture, to the left and up.
+fn depth_position_rays<T: Real>(row: &[T]) -> (T, [T; 2]) {
+    let half = T::of(0.5);
     let pitch = T::of(2.0) * row[4] / row[5];
-    let first = half * (row[5] - T::one()) * pitch;
-    let rays = [[-first, T::one(), half * first], [pitch, zero, zero], [zero, zero, -pitch]];
+    (pitch, [row[5], half * row[5]].map(|side| half * (side - T::one()) * pitch))
+}
+
+fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let zero = T::zero();
+    let (pitch, [left, up]) = depth_position_rays(row);
+    let rays = [[-left, T::one(), up], [pitch, zero, zero], [zero, zero, -pitch]];
     out.extend(scale(view::ray(rays, take(row, 0)), view::distance(row[3], row[2])));
 }
 
 fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let pitch = 2.0 * row[4] / row[5];
-    let first = 0.5 * (row[5] - 1.0) * pitch;
-    // `pitch`, the step of the ray from pixel to pixel, has an error of 3 ULP. It is multiplied by the pixel and, in `first`, by half the width.
-    // These two products may cancel in their difference, so the error of the difference is relative to `along`, the sum of their magnitudes. The
-    // division of `near_m` by the depth adds 2.5 ULP. The tolerance allows 8 ULP in total.
-    let along = 1.0 + first + pitch * (row[0].abs() + row[1].abs());
+    let (pitch, [left, up]) = depth_position_rays(row);
+    // `pitch`, the step of the ray from pixel to pixel, has an error of 3 ULP. It is multiplied by the pixel and, in `left` and `up`, by half the
+    // width and half the height. These products may cancel in their differences, so the error of a difference is relative to `along`, the sum of
+    // their magnitudes. The division of `near_m` by the depth adds 2.5 ULP. The tolerance allows 8 ULP in total.
+    let along = 1.0 + left.abs() + up.abs() + pitch * (row[0].abs() + row[1].abs());
     close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
 }
 
