@@ -889,19 +889,22 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows at the smallest and the largest distance that reprojection accepts, and for rows whose plane contains the eye of the earlier
-        // frame.
+        // Limit for rows at the smallest and the largest distance that reprojection accepts, for rows whose plane contains the eye of the earlier
+        // frame, and for rows whose position is about halfway between two pixels, of which about one random row is expected.
         other_side_at_most: 64,
         mutants: &[
             // In this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of subtracted;
             // the distance is computed from the wrong row of the camera; the plane ignores the vector between the eyes; the x of the ray has the
-            // wrong sign; the centre of the first row is a quarter of a pixel too high.
+            // wrong sign; the centre of the first row is a quarter of a pixel too high; the distance is expected at the exact position, or at the
+            // pixel above and to the left, instead of the nearest pixel.
             ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
             ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
             ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
             ("motion", "dot(normal, point + past.offset)", "dot(normal, point)"),
             ("motion", "past.forward + past.x_row * x", "past.forward - past.x_row * x"),
             ("", "-shift.y", "-0.5 * shift.x"),
+            ("", "floor(seen.xy + vec2<f32>(0.5))", "seen.xy"),
+            ("", "floor(seen.xy + vec2<f32>(0.5))", "floor(seen.xy)"),
         ],
     },
 ];
@@ -1027,6 +1030,57 @@ fn pixels_of_probes_are_those_of_the_frame() {
                 assert!(off_px < 1e-3, "pixel {x}, {y} of {width}: {got:?} instead of {want:?}, off by {off_px} pixels");
             }
         }
+    }
+}
+
+/// Results that equal another column of their probe on purpose: they are computed in another way, and both ways are compared with the truth.
+const ALIKE: [(&str, &str, &str); 4] = [
+    ("splat-blend", "run_00", "w_00"),
+    ("splat-blend", "run_10", "w_10"),
+    ("splat-blend", "run_01", "w_01"),
+    ("splat-blend", "run_11", "w_11"),
+];
+
+/// Returns the pairs of a result and an input or an earlier result whose numbers are the same in each row, and the results that never change. A
+/// column is a name and the numbers of its rows.
+fn tautologies(inputs: &[(&str, Vec<f64>)], outputs: &[(&str, Vec<f64>)]) -> Vec<(String, String)> {
+    let equal = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs().max(b.abs()) + 1e-12);
+    let mut found = Vec::new();
+    for (i, (name, values)) in outputs.iter().enumerate() {
+        let others = inputs.iter().chain(&outputs[..i]);
+        found.extend(others.filter(|(_, other)| equal(values, other)).map(|(other, _)| ((*name).to_owned(), (*other).to_owned())));
+        if values.iter().all(|&value| value == values[0]) {
+            found.push(((*name).to_owned(), "a constant".to_owned()));
+        }
+    }
+    found
+}
+
+#[test]
+fn no_result_of_a_probe_equals_another_column_by_construction() {
+    // A result that always equals an input, or another result, does not test the function that computes it.
+    const DRAWN: u32 = 2000;
+    for probe in PROBES {
+        let rows: Vec<f64> = (0..DRAWN).flat_map(|row| (probe.random)(&mut Draw { row, column: 0, table: 91 })).collect();
+        let rows = probe.rounded(&rows);
+        let column = |table: &[f64], width: usize, at: usize| table.iter().skip(at).step_by(width).copied().collect::<Vec<f64>>();
+        let truth = probe.on_f64(&rows);
+        let [inputs, outputs] = [(probe.inputs, &rows), (probe.outputs, &truth)].map(|(columns, table)| {
+            columns.iter().enumerate().map(|(at, c)| (c.name, column(table, columns.len(), at))).collect::<Vec<_>>()
+        });
+        let mut found = tautologies(&inputs, &outputs);
+        let before = found.len();
+        found.retain(|(a, b)| !ALIKE.contains(&(probe.name, a.as_str(), b.as_str())));
+        assert_eq!(
+            before - found.len(),
+            ALIKE.iter().filter(|(name, ..)| *name == probe.name).count(),
+            "{}: a pair of ALIKE differs",
+            probe.name
+        );
+        assert!(found.is_empty(), "{}: these results equal another column in each of {DRAWN} rows: {found:?}", probe.name);
+        // Negative control: a copy of an input is found, and so is a constant.
+        let copies = [("copy", inputs[0].1.clone()), ("fixed", vec![3.0; DRAWN as usize])];
+        assert_eq!(tautologies(&inputs, &copies).len(), 2, "{}", probe.name);
     }
 }
 

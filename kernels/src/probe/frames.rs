@@ -70,7 +70,7 @@ fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 
 pub(super) const REPROJECTION: Probe = Probe {
     name: "reprojection",
-    about: "The pixel at which an earlier camera saw a point, and the distance at which that pixel's ray meets the plane through the point",
+    about: "Where an earlier camera saw a point, and the distance at which the ray of the nearest pixel meets the plane through the point",
     inputs: &[
         real("x", "m, point relative to this frame's eye"),
         real("y", "m"),
@@ -88,7 +88,7 @@ pub(super) const REPROJECTION: Probe = Probe {
         real("pixel_x", "whole numbers are pixel centres"),
         real("pixel_y", "whole numbers are pixel centres"),
         real("distance", "m along the earlier view direction, which is y"),
-        real("expected", "m, distance at which that pixel's ray meets the plane"),
+        real("expected", "m, distance at which the ray through the centre of the nearest pixel meets the plane"),
     ],
     blocks: None,
     wgsl: "\
@@ -102,7 +102,7 @@ fn probe(row: array<f32, 11>) -> array<f32, 4> {
     );
     let point = vec3<f32>(row[0], row[1], row[2]);
     let seen = motion_reproject(point, past);
-    let ray = motion_past_ray(past, seen.xy);
+    let ray = motion_past_ray(past, floor(seen.xy + vec2<f32>(0.5)));
     let expected = motion_expected_distance(point, past, ray, vec3<f32>(row[8], row[9], row[10]));
     return array<f32, 4>(seen.x, seen.y, seen.z, expected);
 }",
@@ -155,9 +155,10 @@ fn past<T: Real>(row: &[T]) -> Past<T> {
 fn reprojection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let (past, point) = (past(row), take(row, 0));
     let seen = motion::reproject(point, &past);
-    let ray = motion::past_ray(&past, [seen[0], seen[1]]);
+    // The ray through the exact position would meet the plane at the point itself, whatever the plane.
+    let nearest = [seen[0], seen[1]].map(|p| (p + T::of(0.5)).floor());
     out.extend(seen);
-    out.push(motion::expected_distance(point, &past, ray, take(row, 8)));
+    out.push(motion::expected_distance(point, &past, motion::past_ray(&past, nearest), take(row, 8)));
 }
 
 fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
@@ -181,22 +182,37 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if seen == Verdict::Differs {
         return if at_threshold { Verdict::OtherSide } else { Verdict::Differs };
     }
-    let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
-    let along = dot(n, ray).abs();
-    // `of_ray` is the error of dot(n, ray). The error of the ray is the error of the pixel times the ray's step per pixel, 1 / `rows`. `of_plane` is
-    // the error of dot(n, q), which follows from the error of q.
-    let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
+    // The distance that is expected at the centre of a pixel. `of_ray` is the error of dot(n, ray): the row of the matrix has an error of 5 ULP, the
+    // ray 6 ULP more, the dot product 2 ULP; the tolerance allows 20 ULP. `of_plane` is the error of dot(n, q), which follows from the error of q.
+    let n = three(row, 8);
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
-    if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
-        // The plane is edge-on, or so close to edge-on that rounding decides whether the ray hits it.
-        return if (got[3] - want[3]).abs() <= EPS * want[3].abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
-    }
-    let expected = close(&got[3..], &want[3..], (of_plane + want[3].abs() * of_ray) / (along - of_ray) + 4.0 * EPS * want[3].abs());
-    let behind = |v: f64| v == 0.0;
-    match (seen, expected) {
-        (seen, Verdict::Differs) if behind(got[3]) != behind(want[3]) && want[3].max(got[3]) <= 2.0 * motion::MIN_DISTANCE => {
-            both(seen, Verdict::OtherSide)
+    let at = |pixel: [f64; 2]| {
+        let ray = motion::past_ray(&past, pixel);
+        let along = dot(n, ray).abs();
+        let of_ray = length(n) * 20.0 * EPS * length(ray);
+        let wanted = motion::expected_distance(point, &past, ray, n);
+        if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
+            // The plane is edge-on, or so close to edge-on that rounding decides whether the ray hits it.
+            return if (got[3] - wanted).abs() <= EPS * wanted.abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
         }
-        (seen, expected) => both(seen, expected),
+        let meets = dot(n, q) / dot(n, ray);
+        let tolerance = (of_plane + meets.abs() * of_ray) / (along - of_ray) + 4.0 * EPS * meets.abs();
+        // Next to the smallest and the largest distance, rounding decides whether the hit counts. If it does not count, the result is 0.
+        let at_limit = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (meets - t).abs() <= tolerance + 8.0 * EPS * t);
+        match close(&got[3..], &[wanted], tolerance) {
+            Verdict::Differs if at_limit && (got[3] == 0.0 || (got[3] - meets).abs() <= tolerance) => Verdict::OtherSide,
+            verdict => verdict,
+        }
+    };
+    // Where a position is about halfway between two pixels, rounding decides which of them is the nearest, so the distances at both are accepted.
+    let nearest = |p: f64| [-1.0, 0.0, 1.0].map(|side| (p + side * EPS * (1.0 + p.abs()) + 0.5).floor());
+    let wanted = [want[0], want[1]].map(|p| (p + 0.5).floor());
+    let mut expected = Verdict::Differs;
+    for pixel in nearest(got[0]).into_iter().flat_map(|x| nearest(got[1]).map(|y| [x, y])) {
+        let verdict = if pixel == wanted { at(pixel) } else { both(at(pixel), Verdict::OtherSide) };
+        if expected == Verdict::Differs || matches!(verdict, Verdict::Agrees(_)) {
+            expected = verdict;
+        }
     }
+    both(seen, expected)
 }
