@@ -11,6 +11,9 @@ use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
+/// Compression in tiles whose order does not depend on threads.
+const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
+
 /// Name of a channel, and a function that returns the channel's value from the index of a texel.
 type Channel = (&'static str, fn(usize) -> f32);
 
@@ -27,7 +30,7 @@ fn exr(folder: &Folder, name: &str, channels: &[Channel]) -> String {
     let area = (SIZE[0] * SIZE[1]) as usize;
     let channel = |(name, value): &Channel| e::AnyChannel::new(*name, e::FlatSamples::F32((0..area).map(value).collect()));
     let channels = e::AnyChannels::sort(channels.iter().map(channel).collect());
-    let layer = e::Layer::new((SIZE[0] as usize, SIZE[1] as usize), e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, channels);
+    let layer = e::Layer::new((SIZE[0] as usize, SIZE[1] as usize), e::LayerAttributes::default(), ENCODING, channels);
     e::WritableImage::write(&e::Image::from_layer(layer)).to_file(&path).expect("an OpenEXR file can be written");
     path
 }

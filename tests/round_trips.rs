@@ -18,10 +18,13 @@ use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Manifest, Provenance};
 use eframe::egui;
 use glam::DVec3;
+use kernels::frame::export::write_exr;
+use kernels::frame::picture::{Layer, Picture};
 use kernels::frame::{self, FrameSettings};
 use kernels::probe::{Draw, PROBES};
 use kernels::scene::{self, Blend, CameraPath, CameraPose, FlavourRules, Hole, Material, Rule, Scene, Sky, Stroke, StrokeKind, Sun, World};
 use kernels::settings::{Kind, Setting, shown};
+use kernels::shared::hash::unit2;
 use kernels::variant::Variant;
 use kernels::view::camera::Pose;
 use proptest::collection::{btree_map, vec};
@@ -911,4 +914,44 @@ fn tables_of_probes_keep_their_columns_and_every_digit() {
 fn records(file: &str) -> Vec<csv::StringRecord> {
     let reader = csv::ReaderBuilder::new().has_headers(false).from_path(file).expect("a table");
     reader.into_records().map(|record| record.expect("a record")).collect()
+}
+
+// ---- Pictures. ----
+
+#[test]
+fn a_picture_has_the_same_bytes_whichever_threads_compress_its_tiles() {
+    // 10 x 6 tiles of 64 pixels. Uniform tiles and tiles of noise alternate, so threads take different times for them.
+    let size = [640, 384];
+    let value = |i: u32, channel: i32| {
+        let (x, y) = (i % size[0], i / size[0]);
+        if (x / 64 + y / 64) % 3 == 0 { 0.5 } else { unit2(i.cast_signed(), channel, 1, 2) as f32 }
+    };
+    let area = size[0] * size[1];
+    let layers = vec![
+        ("albedo".to_owned(), Layer::Rgb((0..area).map(|i| [4, 5, 6].map(|channel| value(i, channel))).collect())),
+        ("depth".to_owned(), Layer::Value((0..area).map(|i| value(i, 7)).collect())),
+    ];
+    let hdr = (0..area).map(|i| [0, 1, 2, 3].map(|channel| value(i, channel))).collect();
+    let picture = Picture { size, hdr, displayed: None, layers, passes: Vec::new(), fetches_per_px: None, report: Default::default() };
+    let folder = Folder::new("exr-bytes");
+    // Eight writers at the same time, each with compressing threads of its own, so that threads finish in different orders.
+    let write = |i: usize| {
+        let file = folder.0.join(format!("{i}.exr"));
+        write_exr(&file, &picture).expect("writable");
+        fs::read(&file).expect("readable")
+    };
+    let files: Vec<Vec<u8>> = std::thread::scope(|scope| {
+        let writers: Vec<_> = (0..8).map(|i| scope.spawn(move || write(i))).collect();
+        writers.into_iter().map(|writer| writer.join().expect("a written file")).collect()
+    });
+    for (i, file) in files.iter().enumerate() {
+        assert!(*file == files[0], "file {i} has other bytes than file 0");
+    }
+    // The file says that its tiles are in order, and they are many.
+    let meta = exr::prelude::MetaData::read_from_file(folder.0.join("0.exr"), true).expect("readable");
+    assert_eq!((meta.headers[0].line_order, meta.headers[0].chunk_count), (exr::prelude::LineOrder::Increasing, 60));
+    // Negative control: another picture has other bytes.
+    let other = Picture { hdr: vec![[0.25; 4]; area as usize], ..picture.clone() };
+    write_exr(&folder.0.join("other.exr"), &other).expect("writable");
+    assert!(fs::read(folder.0.join("other.exr")).expect("readable") != files[0]);
 }

@@ -40,8 +40,13 @@ fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
     Error::Image { file: PathBuf::from(file), what: error.to_string() }
 }
 
+/// Compression in tiles. Tiles are stored in the order of their rows. If the order is unspecified, they are stored in the order in which threads
+/// finish them, so that the same picture has different bytes in each run.
+const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
+
 /// Writes the linear picture and its layers as OpenEXR, in f32. The channels of the picture are R, G, B and A. The channels of a layer are named
-/// `layer.channel`, as OpenEXR requires for layers within one part (Technical Introduction to OpenEXR, "Channel names").
+/// `layer.channel`, as OpenEXR requires for layers within one part (Technical Introduction to OpenEXR, "Channel names"). The same picture always
+/// gives the same bytes.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -60,7 +65,7 @@ pub fn write_exr(file: &Path, picture: &Picture) -> Result<()> {
             Layer::Value(values) => channels.push(channel(&format!("{name}.V"), values.clone())),
         }
     }
-    let layer = e::Layer::new(size, e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, e::AnyChannels::sort(channels.into()));
+    let layer = e::Layer::new(size, e::LayerAttributes::default(), ENCODING, e::AnyChannels::sort(channels.into()));
     let image = e::Image::from_layer(layer);
     write_whole(file, |temporary| {
         use e::WritableImage as _;
