@@ -255,6 +255,8 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
     let seen = RefCell::new(BTreeSet::new());
     take(&mut stage, "key Space");
     let from = stage.model().clock.frame;
+    // As in a window, which no script controls.
+    stage.model().clock.left = None;
     let look = |model: &Model| {
         seen.borrow_mut().extend(model.shown().map(|shown| shown.wish.frame));
         model.clock.frame >= from + 4
@@ -265,6 +267,39 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
     assert!(seen.len() >= 4 && seen.iter().copied().eq(first..=last), "{seen:?}");
     take(&mut stage, "key Space");
     assert!(stage.model().clock.paused);
+}
+
+#[test]
+fn a_script_controls_time() {
+    // The window opens with a path that plays. The steps must lead to the same frame and picture, however long each of them waits: on a slow machine,
+    // the window is drawn more often while a step waits for its picture.
+    let script = "set Sun above = 20; frames 3; key L; set Sun above = 30; key Period; click Run; frames 2; click Undo";
+    let played = |drawings: u32| {
+        let mut stage = Stage::prepared(small_scene(), WINDOW, |app| {
+            app.model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
+            app.model.settings.scale = 0.2;
+        });
+        let mut frames = Vec::new();
+        stage.settle().expect("a picture");
+        for step in steps(script).expect("steps") {
+            for _ in 0..drawings {
+                stage.until("a drawing", |_| true).expect("nothing is wrong");
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            stage.take(&step).unwrap_or_else(|error| panic!("{step:?}: {error:#}"));
+            frames.push(stage.model().shown().expect("a picture").wish.frame);
+        }
+        assert!(stage.has("frame 6"), "{:?}", stage.names());
+        let shown = stage.model().shown().expect("a picture").clone();
+        assert!(matches!(shown.wish.viewpoint, Viewpoint::Path(_)), "{:?}", shown.wish.viewpoint);
+        (frames, shown.pose, shown.wish.settings.scene.sun.elevation_deg, shown.texels.clone())
+    };
+    let (quick, slow) = (played(0), played(30));
+    assert_eq!(quick.0, [0, 3, 3, 3, 4, 4, 6, 6], "frames after each step");
+    assert_eq!(slow.0, quick.0, "frames after each step, if steps wait longer");
+    assert!(slow == quick, "another picture if steps wait longer: {:?} and {:?}", (slow.1, slow.2), (quick.1, quick.2));
+    // The last change alone is undone, so the sun is where the first step set it.
+    assert!((quick.2 - 20.0).abs() < 1.0, "{}", quick.2);
 }
 
 #[test]

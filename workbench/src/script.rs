@@ -1,5 +1,10 @@
 //! The application without a window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests, and
 //! machines without a display.
+//!
+//! A script controls time. How long a step waits for its picture depends on the machine, so no time passes meanwhile: neither frames, which advance
+//! only by the step `frames` and by the controls that advance by one frame, nor the time of the window, which separates changes that are undone
+//! together from those that are undone one by one. The same steps therefore show the same frame on every machine. Only the panels that show measured
+//! times differ.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -24,6 +29,9 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const NAP: Duration = Duration::from_millis(5);
 /// Number of drawings of the window after which a turn of the wheel has certainly taken full effect. egui spreads the turn over several drawings.
 const SPREAD: usize = 60;
+/// Number of drawings of the window before a step. Each takes a quarter of a second of the window's time. They are longer than the pause of one second
+/// that separates two changes in the undo history, so each step is undone by itself.
+const PAUSE: usize = 5;
 
 /// One step of a script.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +46,7 @@ pub enum Step {
     Type(String, String),
     /// Opens a scene: a file, a folder, or `default`.
     Open(String),
-    /// Waits until this many further frames have been drawn.
+    /// Lets time run for this many frames, and waits for the picture of the last one.
     Frames(u32),
     /// Waits until every shader is compiled.
     Warm,
@@ -130,7 +138,9 @@ impl Stage {
             .build_eframe(|cc| {
                 // Without animations, a control does not move between the drawing in which its position was found and the click on that position.
                 still(&cc.egui_ctx);
-                app(&cc.egui_ctx)
+                let mut app = app(&cc.egui_ctx);
+                app.model.clock.left = Some(0);
+                app
             });
         let mut stage = Stage { harness };
         stage.harness.input_mut().max_texture_side = Some(MOST_SIDE);
@@ -162,11 +172,19 @@ impl Stage {
         !output.values().any(|output| output.commands.contains(&egui::ViewportCommand::CancelClose))
     }
 
-    /// Draws the window until `done` returns true. `what` names the expected event in errors.
+    /// Draws the window until `done` returns true. Meanwhile, the time of the window stands still. `what` names the expected event in errors.
     ///
     /// # Errors
     /// The drawing thread fails, or the event does not occur in time (300 s).
     pub fn until(&mut self, what: &str, done: impl Fn(&Model) -> bool) -> Result<()> {
+        let now = self.harness.ctx.input(|i| i.time);
+        self.harness.input_mut().time = Some(now);
+        let outcome = self.draw_until(what, done);
+        self.harness.input_mut().time = None;
+        outcome
+    }
+
+    fn draw_until(&mut self, what: &str, done: impl Fn(&Model) -> bool) -> Result<()> {
         let began = Instant::now();
         loop {
             self.harness.step();
@@ -339,6 +357,7 @@ impl Stage {
     /// # Errors
     /// Nothing on screen has the name. See also [`Stage::until`].
     pub fn take(&mut self, step: &Step) -> Result<()> {
+        self.harness.run_steps(PAUSE);
         match step {
             Step::Click(name) => {
                 // Scroll the control into view first, because a control out of view cannot be clicked.
@@ -360,8 +379,8 @@ impl Stage {
                 bail!("time stands still, so no further frame is drawn: let it run with `key Space`")
             }
             Step::Frames(count) => {
-                let until = self.harness.state().model.clock.frame.wrapping_add(*count);
-                return self.until("the frame", |model| model.clock.frame >= until);
+                self.model().clock.left = Some(*count);
+                return self.until("the frame", |model| !model.clock.runs() && model.is_settled());
             }
             Step::Warm => {
                 self.harness.state().warm();

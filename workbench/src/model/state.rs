@@ -40,6 +40,16 @@ pub struct Clock {
     pub frame: u32,
     /// Whether time stands still.
     pub paused: bool,
+    /// Number of frames for which time may still run by itself; `None` = any number. It is 0 while a step of a script waits, so that the frame on
+    /// screen depends on the steps alone, and not on how long they wait.
+    pub left: Option<u32>,
+}
+
+impl Clock {
+    /// Whether the next frame begins by itself.
+    pub fn runs(&self) -> bool {
+        !self.paused && self.left != Some(0)
+    }
 }
 
 /// How pictures are displayed; this does not change what is rendered.
@@ -246,7 +256,7 @@ impl Model {
     /// Whether the picture on screen is the one that the controls describe.
     pub fn is_settled(&self) -> bool {
         let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };
-        let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
+        let same_time = self.clock.runs() || shown.wish.frame == self.clock.frame;
         same_time && shown.wish == Wish { frame: shown.wish.frame, ..self.wish() }
     }
 
@@ -284,9 +294,10 @@ impl Model {
 
     /// Advances to the next frame once this one is on screen, so that no frame is skipped.
     pub(crate) fn tick(&mut self) {
-        let frame = self.clock.frame;
-        if !self.clock.paused && self.shown_here().is_some_and(|shown| shown.wish.frame == frame) {
+        let Clock { frame, left, .. } = self.clock;
+        if self.clock.runs() && self.shown_here().is_some_and(|shown| shown.wish.frame == frame) {
             self.clock.frame = frame.wrapping_add(1);
+            self.clock.left = left.map(|left| left - 1);
         }
     }
 
@@ -396,9 +407,10 @@ impl Model {
         self.culled_from = if self.culled_from.is_some() { None } else { self.pose() };
     }
 
-    /// Advances by one frame and pauses.
+    /// Advances by one frame and pauses. If time runs, it only pauses, because the next frame has begun by itself.
     pub(crate) fn step(&mut self) {
-        self.clock = Clock { frame: self.clock.frame.wrapping_add(u32::from(self.clock.paused)), paused: true };
+        let frame = self.clock.frame.wrapping_add(u32::from(!self.clock.runs()));
+        self.clock = Clock { frame, paused: true, ..self.clock };
     }
 
     /// The values that undo restores.
