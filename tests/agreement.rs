@@ -715,7 +715,7 @@ const CASES: &[Case] = &[
             // no margin; the margin of the last column and row points inwards; the depth of the farthest corner is used; the level of the depth
             // pyramid is too fine; a box counts as hidden if it is hidden in one texel instead of all; boxes in front of the stored depth count as
             // hidden instead of boxes behind it; a box that reaches behind the near plane is not treated as undecided; the numbers of the box are not
-            // checked; the depth is rounded to the wrong side.
+            // checked; the depth is rounded to the wrong side; the sizes of levels are rounded down.
             ("culling", "corner < 8u", "corner < 7u"),
             ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),
             ("culling", "vec2<f32>(x.x, -y.x) / w.x", "vec2<f32>(x.x, y.x) / w.x"),
@@ -732,6 +732,11 @@ const CASES: &[Case] = &[
                 "usable_within_3(row_x",
             ),
             ("culling", "near / nearest * (1.0 + CULLING_FEW)", "near / nearest * (1.0 - CULLING_FEW)"),
+            (
+                "culling",
+                "return ((max(size, vec2<u32>(1u)) - vec2<u32>(1u)) >> vec2<u32>(level)) + vec2<u32>(1u);",
+                "return max(size >> vec2<u32>(level), vec2<u32>(1u));",
+            ),
         ],
     },
     Case {

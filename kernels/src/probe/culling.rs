@@ -215,7 +215,7 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "The pixels that a box covers, the level of the depth pyramid at which it is tested, and whether it is hidden; no visible box is culled",
+    about: "The pixels that a box covers, the level of the depth pyramid that is tested, its size, and whether the box is hidden; no visible box is culled",
     inputs: &[
         real("x_x", "matrix row from box coordinates to clip-space x: coefficient of x"),
         real("x_y", "coefficient of y"),
@@ -252,21 +252,25 @@ pub(super) const OCCLUSION: Probe = Probe {
         whole("level", "level of the pyramid", 0, 14),
         real("depth", "depth of the nearest point"),
         whole("hidden", "1 = culled", 0, 1),
+        whole("columns", "texels of the level, along the width", 1, MOST_SIDE),
+        whole("rows", "texels of the level, along the height", 1, MOST_SIDE),
     ],
     blocks: None,
     wgsl: "\
-fn probe(row: array<f32, 25>) -> array<f32, 8> {
+fn probe(row: array<f32, 25>) -> array<f32, 10> {
 let x = vec4<f32>(row[0], row[1], row[2], row[3]);
 let y = vec4<f32>(row[4], row[5], row[6], row[7]);
 let w = vec4<f32>(row[8], row[9], row[10], row[11]);
 let low = vec3<f32>(row[13], row[14], row[15]);
 let high = vec3<f32>(row[16], row[17], row[18]);
-let seen = culling_cover(x, y, w, row[12], low, high, vec2<u32>(u32(row[19]), u32(row[20])));
+let size = vec2<u32>(u32(row[19]), u32(row[20]));
+let seen = culling_cover(x, y, w, row[12], low, high, size);
 let hidden = seen.known && culling_hidden(seen.depth, vec4<f32>(row[21], row[22], row[23], row[24]));
 let level = culling_level(seen.first, seen.last);
-return array<f32, 8>(
+let texels = culling_level_size(size, level);
+return array<f32, 10>(
     select(0.0, 1.0, seen.known), f32(seen.first.x), f32(seen.first.y), f32(seen.last.x), f32(seen.last.y), f32(level), seen.depth,
-    select(0.0, 1.0, hidden)
+    select(0.0, 1.0, hidden), f32(texels.x), f32(texels.y)
 );
 }",
     single: occlusion_row,
@@ -439,15 +443,19 @@ fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let Cover { first, last, depth } = seen.unwrap_or(nothing);
     let [from, to] = [first, last].map(|at| at.map(|x| x.to_f64() as u32));
     let hidden = seen.is_some() && culling::hidden(depth, take(row, STORED));
+    let level = culling::level(from, to);
+    let [columns, rows] = culling::level_size(take(row, SIZE).map(|side: T| side.to_f64() as u32), level);
     out.extend([
         flag(seen.is_some()),
         first[0],
         first[1],
         last[0],
         last[1],
-        T::of(f64::from(culling::level(from, to))),
+        T::of(f64::from(level)),
         depth,
         flag(hidden),
+        T::of(f64::from(columns)),
+        T::of(f64::from(rows)),
     ]);
 }
 
@@ -487,8 +495,10 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     });
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
     let level = culling::level([got[1] as u32, got[2] as u32], [got[3] as u32, got[4] as u32]);
+    // The side of the picture / 2^level, rounded up.
+    let texels = [0, 1].map(|k| (row[SIZE + k] / f64::from(level).exp2()).ceil());
     let is_close = got[6] <= nearest * (1.0 + 2.0 * truth.off + 4e-6);
-    if !(close && f64::from(level) == got[5] && is_close) {
+    if !(close && f64::from(level) == got[5] && texels == [got[8], got[9]] && is_close) {
         return Verdict::Differs;
     }
     if got[1..6] == want[1..6] && got[7] == want[7] {

@@ -138,13 +138,25 @@ pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], siz
 }
 
 /// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level combines 2 x 2 texels of
-/// the level below; the texels of level 0 are pixels.
+/// the level below; the texels of level 0 are pixels. So the texel of pixel (x, y) at level l is (x >> l, y >> l), and [`level_size`] says how many
+/// texels there must be.
 pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     let along = |axis: usize| {
         let start = (last[axis] - first[axis]).max(1).ilog2();
         start + u32::from((last[axis] >> start) - (first[axis] >> start) > 1)
     };
     along(0).max(along(1))
+}
+
+/// Size of a level of the pyramid over a picture of `size` pixels (1..=16384 each), in texels: the picture's size / 2^level, **rounded up**. In WGSL:
+/// `culling_level_size`.
+///
+/// If a level has an odd number of columns, its last column is in a texel of its own at the next level. If sizes were rounded down, as those of the
+/// mip levels of a texture are (WebGPU, "logical miplevel-specific texture extent"), that column would be in no texel: the texel to its left would be
+/// read in its place, and a box that is visible only in that column would be culled. A pyramid in the mip levels of a texture therefore needs a texture
+/// whose sides are powers of two, with depth 1 (the nearest) where there is no picture.
+pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
+    size.map(|side| (side.saturating_sub(1) >> level) + 1)
 }
 
 /// Whether a box is hidden, because everything that was drawn at its pixels is nearer than its nearest point. `depth` is the reversed depth of that
@@ -157,6 +169,7 @@ pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shared::hash::pcg4d;
 
     /// A camera at the origin that looks along y, 90 degrees wide and high.
     const ALONG_Y: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
@@ -196,6 +209,68 @@ mod tests {
             }
         }
         assert_eq!(level([5, 0], [5, 16383]), 13);
+    }
+
+    /// Size of a level of the pyramid over a picture, in texels.
+    type Sizes = fn([u32; 2], u32) -> [u32; 2];
+
+    /// Texels of a picture, row by row. Beyond the last column and row, the nearest texel is read, as a shader does that clamps its coordinates.
+    struct Texels {
+        size: [u32; 2],
+        depths: Vec<f64>,
+    }
+
+    impl Texels {
+        fn at(&self, [x, y]: [u32; 2]) -> f64 {
+            self.depths[(y.min(self.size[1] - 1) * self.size[0] + x.min(self.size[0] - 1)) as usize]
+        }
+
+        /// The next level of the pyramid: the least depths of 2 x 2 texels.
+        fn coarser(&self, size: [u32; 2]) -> Texels {
+            let least = |i: u32| {
+                let [x, y] = [2 * (i % size[0]), 2 * (i / size[0])];
+                [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]].into_iter().map(|texel| self.at(texel)).fold(f64::INFINITY, f64::min)
+            };
+            Texels { size, depths: (0..size[0] * size[1]).map(least).collect() }
+        }
+    }
+
+    /// Tests random boxes in random pictures. Returns the number of boxes that are culled although they are visible, and of those that are culled
+    /// because they are hidden.
+    fn culled(sizes: Sizes) -> [u32; 2] {
+        let mut counts = [0; 2];
+        for case in 0..2000 {
+            let drawn = |column: u32, below: u32| pcg4d([case, column, 7, 2015])[0] % below;
+            let size = [3 + drawn(0, 30), 3 + drawn(1, 30)];
+            // A near surface with a few holes, through which a far one is seen.
+            let depth = |i: u32| if pcg4d([case, i, 8, 2015])[0].is_multiple_of(40) { 0.1 } else { 0.5 };
+            let mut levels = vec![Texels { size, depths: (0..size[0] * size[1]).map(depth).collect() }];
+            for level in 1..=5 {
+                let next = levels[levels.len() - 1].coarser(sizes(size, level));
+                levels.push(next);
+            }
+            let first = [drawn(2, size[0]), drawn(3, size[1])];
+            let last = [first[0] + drawn(4, size[0] - first[0]), first[1] + drawn(5, size[1] - first[1])];
+            let level = level(first, last);
+            let texel = |pixel: [u32; 2]| levels[level as usize].at(pixel.map(|x| x >> level));
+            // The box lies between the two surfaces.
+            let is_culled = hidden(0.3, [texel(first), texel([last[0], first[1]]), texel([first[0], last[1]]), texel(last)]);
+            let is_hidden = (first[1]..=last[1]).all(|y| (first[0]..=last[0]).all(|x| levels[0].at([x, y]) > 0.3));
+            counts[usize::from(is_hidden)] += u32::from(is_culled);
+        }
+        counts
+    }
+
+    #[test]
+    fn a_pyramid_culls_nothing_visible_if_its_sizes_are_rounded_up() {
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|level| level_size([17, 30], level)), [[17, 30], [9, 15], [5, 8], [3, 4], [2, 2], [1, 1]]);
+        assert_eq!((level_size([16_384, 1], 14), level_size([16_383, 4097], 1)), ([1, 1], [8192, 2049]));
+        let [wrong, right] = culled(level_size);
+        assert_eq!(wrong, 0);
+        assert!(right > 500, "only {right} hidden boxes are culled");
+        // Negative control: the sizes of mip levels, which are rounded down.
+        let [wrong, _] = culled(|size, level| size.map(|side| (side >> level).max(1)));
+        assert!(wrong > 10, "{wrong} visible boxes are culled if sizes are rounded down");
     }
 
     #[test]
