@@ -54,7 +54,6 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&["demo", "--seeds", "1"], &["--seeds"]);
     usage_error(&["demo", "--size", "0x0"], &["16384"]);
     usage_error(&["explain"], &["SCENE"]);
-    usage_error(&["import", "x.png", "--out", "y"], &["--metres-per-texel"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "0", "--out", "y"], &["above 0"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "nan", "--out", "y"], &["finite"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "1", "--height-range", "5,5", "--out", "y"], &["LO must be below HI"]);
@@ -155,6 +154,29 @@ fn wrong_imports_fail_before_the_file_is_read() {
 }
 
 #[test]
+fn a_missing_spacing_hides_no_truer_fault() {
+    let folder = Folder::new("import-spacing");
+    let out = folder.path("new");
+    let import = |heightmap: &str, says: &[&str]| failure(&["import", heightmap, "--height-range", "0,100", "--out", &out], says);
+    import(&folder.path("no.png"), &["there is no file"]);
+    fs::create_dir(folder.path("a.png")).expect("created");
+    import(&folder.path("a.png"), &["a.png is a folder"]);
+    import(&folder.write("photo.jpg", "not an image"), &["photo.jpg", "the extension is unknown"]);
+    import(&folder.write("text.png", "not an image, although its name says so"), &["text.png", "cannot be decoded"]);
+    #[cfg(unix)]
+    {
+        let pipe = folder.path("pipe.exr");
+        assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+        import(&pipe, &["pipe.exr is a device or a pipe"]);
+    }
+    // Negative control: a file that is right lacks only the spacing.
+    let samples: Vec<u8> = (0..16u16).flat_map(|sample| (sample * 999).to_le_bytes()).collect();
+    fs::write(folder.path("right.raw"), samples).expect("written");
+    import(&folder.path("right.raw"), &["right.raw", "does not say how far apart its samples are", "give --metres-per-texel"]);
+    assert!(!PathBuf::from(&out).exists());
+}
+
+#[test]
 fn probe_tables_are_checked() {
     let folder = Folder::new("probe");
     let out = folder.path("out.csv");
@@ -167,6 +189,7 @@ fn probe_tables_are_checked() {
     probe("w_0,w_1,w_2,u\n1,1,1,0\n", &["no column `w_3`", "w_0,w_1,w_2,w_3,u"]);
     probe("w_0,w_1,w_2,w_3,u\n1,1,1,1,0\n1,1,x,1,0\n", &["line 3", "`w_2`", "`x` is not a number"]);
     probe("w_0,w_1,w_2,w_3,u\n1,1,1,1\n", &["line 2", "4 cells", "5"]);
+    probe("w_0,w_1,w_2,w_3,u,note\n1,1,1,1,0,\"5 m\n1,1,1,1,0,a\n", &["in.csv, line 2", "quote", "not closed", "close it or remove it"]);
     probe("w_0,w_0,w_1,w_2,w_3,u\n1,1,1,1,1,1\n", &["more than one column `w_0`"]);
     probe("w_0,w_1,w_2,w_3,u,of_4\n1,1,1,1,1,1\n", &["already has a column `of_4`"]);
     let input = folder.write("seed.csv", &format!("{}\n{}\n", header("hashed-alpha"), "0,0.5,0,1,1,1,64,1,0,0,0,1,0,1,0,0"));

@@ -6,12 +6,13 @@ use std::io::Cursor;
 use std::path::Path;
 
 use kernels::base::error::Error;
+use kernels::base::files::WholeFolder;
 use kernels::decode::heightmap::{self, NoData, ReadOptions, Reading, Voids};
 use kernels::import::scene_folder::{self, ImportOptions};
 use kernels::scene;
 use kernels::world::World;
 
-use crate::fixtures::{Folder, case, failure, has, one_line, success, usage_error};
+use crate::fixtures::{Folder, case, failure, has, import_scene, one_line, success, usage_error};
 
 /// Height ranges, metres. `I16` and `U16` map 16-bit integers to metres of the same value. `R` is the range of the cases with normalised samples.
 const I16: [f64; 2] = [-32_768.0, 32_767.0];
@@ -164,6 +165,12 @@ fn tiles_that_are_not_in_the_file_have_no_data_or_are_0() {
         let reading = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { height_range_m: range, ..plain() });
         same(&reading, "06-sparse-tiles/truth_untagged.f32", 0.501);
         has(&notes(&reading), &["1 of 15 tiles are not in the file", "their samples are 0"]);
+        // Whatever left zeros in a map of floats, they are reported, unless the user says that they are ground.
+        if range.is_none() {
+            has(&notes(&reading), &["1024 samples are exactly 0 (the first at column 64, row 32)", "all others are 300 to 900"]);
+            let kept = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { no_data: NoData::Nothing, ..plain() });
+            assert!(!notes(&kept).contains("exactly 0"), "{}", notes(&kept));
+        }
     }
 }
 
@@ -269,47 +276,46 @@ fn declared_values_without_data_are_found_in_every_type() {
 }
 
 #[test]
-fn maps_too_small_to_be_drawn_are_refused_and_missing_edges_are_named() {
+fn maps_of_every_size_are_drawn_to_the_edge_of_their_data() {
     let temp = Folder::new("sizes");
-    let examine = |file: &Path, spacing: Option<f64>, size: Option<[u32; 2]>| {
+    let options = |spacing: Option<f64>, size: Option<[u32; 2]>| {
         let read = ReadOptions { metres_per_texel: spacing, raw_size: size, ..ReadOptions::default() };
-        scene_folder::examine(file, &ImportOptions { read, ..ImportOptions::default() }, &|| false)
+        ImportOptions { read, ..ImportOptions::default() }
     };
-    for (file, size, edges) in [
-        ("2x2.tif", [2, 2], None),
-        ("3x2.tif", [3, 2], None),
-        ("sq_5x5.tif", [5, 5], Some(["4.00 m", "12.00 m"])),
-        ("sq_100x70.tif", [100, 70], Some(["7.00 m at the western", "13.00 m at the western"])),
-    ] {
+    for (file, [width, height]) in [("2x2.tif", [2, 2]), ("3x2.tif", [3, 2]), ("sq_5x5.tif", [5, 5]), ("sq_100x70.tif", [100, 70])] {
         let path = case("16-sizes").join(file);
-        has(&one_line(examine(&path, Some(30.0), None)), &["--metres-per-texel 30 contradicts the file"]);
-        // The same map is read from a file that does not state its spacing.
+        let contradicted = scene_folder::examine(&path, &options(Some(30.0), None), &|| false);
+        has(&one_line(contradicted), &["--metres-per-texel 30 contradicts the file"]);
+        // The same map with a spacing of 30 m instead of its own.
         let heights = heightmap::read(&path, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}")).map.samples;
         let bare = temp.0.join(format!("{file}.r32"));
         fs::write(&bare, heights.iter().flat_map(|height| height.to_le_bytes()).collect::<Vec<u8>>()).expect("written");
-        let outcomes = [examine(&path, None, None), examine(&bare, Some(30.0), Some(size))];
-        for (index, outcome) in outcomes.into_iter().enumerate() {
-            let Some(edges) = edges else {
-                has(&one_line(outcome), &["too few", "nothing would be drawn", "at least", "--detail"]);
-                continue;
-            };
-            let understood = outcome.unwrap_or_else(|error| panic!("{error}"));
-            has(&understood.to_string(), &[edges[index], "are not drawn"]);
-            // The world must agree with the printed text: the last drawn vertex has ground, and the vertex after it has none.
-            let out = temp.0.join(format!("{file}-{index}"));
-            understood.write(&out, &|| false).unwrap_or_else(|error| panic!("{error}"));
-            let world = World::new(&scene::load(&out.display().to_string()).expect("written")).expect("valid");
-            let vertices = world.layout().spacing_m(world.layout().finest_lod);
-            let [half, _] = world.layout().drawn_m(world.extent_m()).map(|length| length / 2.0);
-            assert!((half / vertices).fract().abs() < 1e-9 && half > 0.0);
-            assert!(!world.is_hole(half, 0.0) && !world.is_hole(-half, 0.0) && world.is_hole(half + vertices, 0.0));
+        let imports = [(&path, options(None, None), "own"), (&bare, options(Some(30.0), Some([width, height])), "30")];
+        for (source, options, name) in imports {
+            let scene = import_scene(source, &options, &temp.0.join(format!("{file}-{name}")));
+            let world = World::new(&scene).unwrap_or_else(|error| panic!("{error}"));
+            let [east, north] = world.extent_m().map(|length| length / 2.0);
+            assert!(!world.is_hole(east, north) && world.is_hole(east + 1e-3, 0.0) && world.is_hole(0.0, -north - 1e-3), "{file}");
+            // The corners of the drawn surface are the corners of the data. Two quantisations move a height by at most one step each.
+            let (low, high) = world.height_range_m();
+            let tolerance = 3.0 * (high - low) / 65_535.0;
+            let (last_column, last_row) = (width as usize - 1, height as usize - 1);
+            for (column, row) in [(0, 0), (last_column, 0), (0, last_row), (last_column, last_row)] {
+                let x = if column == 0 { -east } else { east };
+                let y = if row == 0 { north } else { -north };
+                let sample = f64::from(heights[row * width as usize + column]);
+                let off = (world.surface_height_m(x, y) - sample).abs();
+                assert!(off < tolerance, "{file}, {name}: the corner {column}, {row} is {off} m off");
+            }
         }
     }
-    // With added relief (`detail_m`), vertices are closer together, so even the smallest map can be drawn.
-    let read = ReadOptions::default();
-    let options = ImportOptions { read, detail_m: 0.1, ..ImportOptions::default() };
-    let fine = scene_folder::examine(&case("16-sizes/2x2.tif"), &options, &|| false);
-    assert_eq!(fine.unwrap_or_else(|error| panic!("{error}")).report().notes, [""; 0]);
+    // Samples closer together than vertices can be are drawn, and the loss is named.
+    let notes = |spacing: f64| {
+        let understood = scene_folder::examine(&temp.0.join("sq_5x5.tif.r32"), &options(Some(spacing), Some([5, 5])), &|| false);
+        understood.unwrap_or_else(|error| panic!("{error}")).notes().join("; ")
+    };
+    has(&notes(0.1), &["samples are 0.1 m apart, but vertices cannot be closer together than 0.5 m"]);
+    assert!(!notes(1.0).contains("apart"), "{}", notes(1.0));
 }
 
 #[test]
@@ -328,6 +334,30 @@ fn png_files_are_read_if_their_channels_agree() {
     refused(transparent, &ReadOptions { raw_size: Some([65, 49]), ..ranged(R) }, &["--raw-size does not apply"]);
     refused(transparent, &ReadOptions { raw_big_endian: true, ..ranged(R) }, &["--raw-big-endian does not apply"]);
     refused(transparent, &ReadOptions { channel: Some("Y".to_owned()), ..ranged(R) }, &["--channel does not apply"]);
+}
+
+#[test]
+fn eight_bit_numbers_in_a_file_of_16_bits_are_reported() {
+    let read_codes = |codes: &[u16]| {
+        let mut file = Cursor::new(Vec::new());
+        let picture = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(8, 6, codes.to_vec()).expect("48 pixels");
+        picture.write_to(&mut file, image::ImageFormat::Png).expect("written");
+        file.set_position(0);
+        notes(&heightmap::decode(file, Path::new("made.png"), &ranged(R)).unwrap_or_else(|error| panic!("{error}")))
+    };
+    let stretched: Vec<u16> = (0..48).map(|k| 257 * (k * 5)).collect();
+    // A code of 257 is 1/255 of the range of 600 m.
+    has(
+        &read_codes(&stretched),
+        &["all samples are multiples of 257", "48 levels in steps of 2.353 m", "terraces", "export the heights with 16 bits"],
+    );
+    let shifted: Vec<u16> = stretched.iter().map(|code| code & 0xff00).collect();
+    has(&read_codes(&shifted), &["all samples are multiples of 256"]);
+    let mut finer = stretched.clone();
+    finer[17] += 1;
+    assert_eq!(read_codes(&finer), "", "one sample has 16 bits");
+    let steps: Vec<u16> = (0..48).map(|k| u16::MAX * (k % 2)).collect();
+    assert_eq!(read_codes(&steps), "", "two levels");
 }
 
 #[test]
@@ -415,6 +445,40 @@ fn the_height_channel_of_an_openexr_file_is_found_or_asked_for() {
 fn cropped_openexr_files_are_refused_and_moved_ones_read() {
     same(&read("28-exr-windows/offset_whole.exr", &plain()), "28-exr-windows/truth.f32", 1e-3);
     refused("28-exr-windows/cropped.exr", &plain(), &["cropped", "48 x 30 at (12, 10)", "65 x 49 at (0, 0)"]);
+}
+
+/// An OpenEXR file of 6 x 5 samples with heights of a slope, and the given alpha.
+fn exr_with_alpha(alpha: &[f32]) -> Vec<u8> {
+    use exr::prelude::*;
+    let heights: Vec<f32> = (0..30).map(|index| 100.0 + 7.0 * index as f32).collect();
+    let samples = [("A", alpha.to_vec()), ("Y", heights)].map(|(name, samples)| AnyChannel::new(name, FlatSamples::F32(samples)));
+    let channels = AnyChannels::sort(samples.into_iter().collect());
+    let image = Image::from_layer(Layer::new((6, 5), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels));
+    let mut file = Cursor::new(Vec::new());
+    image.write().to_buffered(&mut file).expect("written");
+    file.into_inner()
+}
+
+#[test]
+fn alpha_hides_samples_of_openexr_files() {
+    let read = |alpha: &[f32], options: &ReadOptions| heightmap::decode(Cursor::new(exr_with_alpha(alpha)), Path::new("made.exr"), options);
+    let mut alpha = vec![1.0; 30];
+    let whole = read(&alpha, &plain()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((whole.report.void_count, whole.map.elevation_range_m()), (0, (100.0, 303.0)));
+    alpha[13] = 0.0;
+    alpha[14] = 0.0;
+    let says = ["2 of 30 samples have no data: 2 that are transparent; the first at column 1, row 2", "--fill-voids"];
+    has(&one_line(read(&alpha, &plain())), &says);
+    let filled = read(&alpha, &ReadOptions { voids: Voids::Fill, ..plain() }).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(filled.report.void_count, 2);
+    let ground = ReadOptions { no_data: NoData::Nothing, ..plain() };
+    let kept = read(&alpha, &ground).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((kept.report.void_count, kept.map.samples), (0, whole.map.samples), "the user says that all numbers are ground");
+    // A program that writes alpha 0 everywhere.
+    has(&one_line(read(&[0.0; 30], &plain())), &["no sample has data", "30 that are transparent", "--no-data none"]);
+    alpha[14] = 0.5;
+    has(&one_line(read(&alpha, &plain())), &["partly transparent (first at column 2, row 2: channel `A` is 0.5)"]);
+    assert!(read(&alpha, &ground).is_ok());
 }
 
 /// A tag of a TIFF: number, type (2 = text, 3 = 16 bits, 4 = 32 bits, 12 = double), and value.
@@ -557,6 +621,16 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     let tagged = with_tags(vec![words(42_113, "-9999")], &plain()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((tagged.report.void_count, tagged.map.samples), (0, whole.map.samples));
     assert!(with_tags(and(Vec::new()), &ReadOptions::default()).is_ok(), "negative control: the tags of UTM are right");
+    // A system in feet, whose unit no key states.
+    let california = || vec![doubles(33_550, &[10.0, 10.0, 0.0]), shorts(34_735, &[1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2229])];
+    let says = [
+        "spacing of 10, but not its unit",
+        "--metres-per-texel, for example 3.048006, because the unit of EPSG:2229 is the US survey foot",
+    ];
+    has(&one_line(with_tags(california(), &ReadOptions::default())), &says);
+    let given = ReadOptions { metres_per_texel: Some(3.048), ..ReadOptions::default() };
+    let given = with_tags(california(), &given).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((given.map.metres_per_texel, notes(&given).contains("without a unit")), (3.048, false));
 }
 
 #[test]
@@ -584,6 +658,40 @@ fn masks_must_fit_their_image() {
     has(&one_line(heightmap::decode(Cursor::new(two), Path::new("made.tif"), &plain())), &["contradicts itself: it has two masks"]);
     has(&one_line(masked([6, 5], 1, vec![0; 5])), &["no sample has data", "mask"]);
     has(&one_line(masked([6, 5], 1, vec![0xff; 3])), &["3 bytes, but needs 5"]);
+}
+
+#[test]
+fn thumbnails_are_left_out_and_named() {
+    let kind = |kind: u32| Tag(254, 4, kind.to_le_bytes().to_vec());
+    let thumbnail = |kinds: Vec<Tag>| -> Directory { ([2, 2], 32, kinds, [1.0f32, 2.0, 3.0, 4.0].map(f32::to_le_bytes).concat()) };
+    let whole = |kinds: Vec<Tag>| -> Directory { ([6, 5], 32, kinds, slope()) };
+    let mask = || -> Directory { ([6, 5], 1, vec![kind(4), shorts(262, &[4])], vec![0b0111_1000, 0xff, 0xff, 0xff, 0xff]) };
+    let read = |images: &[Directory]| {
+        let options = ReadOptions { voids: Voids::Fill, ..plain() };
+        heightmap::decode(Cursor::new(tiff(images)), Path::new("made.tif"), &options).unwrap_or_else(|error| panic!("{error}"))
+    };
+    let says = "image 2 of the file is read, the first one of full resolution";
+    for images in [
+        vec![thumbnail(vec![kind(1)]), whole(Vec::new())],
+        vec![thumbnail(vec![kind(1)]), whole(vec![kind(0)]), thumbnail(vec![kind(1)])],
+        vec![thumbnail(vec![kind(1)]), whole(Vec::new()), mask()],
+    ] {
+        let reading = read(&images);
+        assert_eq!((reading.report.file_size, reading.map.width, reading.map.height), ([6, 5], 6, 5));
+        has(&notes(&reading), &[says]);
+        assert!(!notes(&reading).contains("more image"), "{}", notes(&reading));
+        // The mask belongs to the image that is read.
+        assert_eq!(reading.report.void_count, if images.len() == 3 && images[2].1 == 1 { 2 } else { 0 });
+        let (low, high) = reading.map.elevation_range_m();
+        assert!(low >= 100.0 && high == 303.0, "{low} to {high}");
+    }
+    let usual = read(&[whole(Vec::new()), thumbnail(vec![kind(1)])]);
+    assert_eq!((usual.map.width, notes(&usual).as_str()), (6, ""), "overviews come after the image");
+    let pages = read(&[whole(Vec::new()), whole(vec![kind(2)])]);
+    has(&notes(&pages), &["the file has 1 more image of full resolution; the first one is read"]);
+    let only = read(&[thumbnail(vec![kind(1)])]);
+    assert_eq!(only.map.width, 2);
+    has(&notes(&only), &["first image is of reduced resolution or a mask, but has no other"]);
 }
 
 #[test]
@@ -646,27 +754,218 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
     has(&said, &["rows run from south to north in the file; turned", "nothing is written"]);
     let without_out = success(&["import", &path("07-south-up/south_up.tif"), "--dry-run"]);
     assert_eq!(said, without_out);
-    let cases: [(&str, &[&str], &[&str]); 7] = [
+    // The smallest map is a scene, too.
+    has(&success(&strs(&call("16-sizes/2x2.tif", &[], "smallest"))), &["2 x 2 samples"]);
+    let cases: [(&str, &[&str], &[&str]); 6] = [
         ("05-internal-mask/masked.tif", &[], &["20 that its mask hides"]),
         ("03-int16-untagged-void/int16_9999.tif", &["--height-range", "-32768,32767"], &["value -9999"]),
         ("08-spacing-in-file/degrees.tif", &["--metres-per-texel", "30"], &["gdalwarp"]),
         ("08-spacing-in-file/ten_metres.tif", &["--metres-per-texel", "30"], &["contradicts"]),
         ("08-spacing-in-file/ten_metres.tif", &["--raw-size", "65x49"], &["--raw-size does not apply"]),
-        ("16-sizes/2x2.tif", &[], &["nothing would be drawn"]),
         ("27-exr-channels/colour_rgb.exr", &["--metres-per-texel", "10"], &["--channel"]),
     ];
     for (name, more, words) in cases {
         failure(&strs(&call(name, more, "refused")), words);
     }
     usage_error(&["import", "x.tif"], &["--out"]);
-    usage_error(&["import", "x.exr", "--out", "y"], &["--metres-per-texel is missing"]);
+    failure(&strs(&call("23-exr-normalised/unit.exr", &[], "refused")), &["does not say how far apart", "give --metres-per-texel"]);
     usage_error(&["import", "x.tif", "--out", "y", "--no-data", "ground"], &["neither a number nor `none`"]);
     usage_error(&["import", "x.tif", "--out", "y", "--no-data", "none", "--no-data", "-9999"], &["none excludes"]);
     usage_error(&["import", "x.tif", "--out", "y", "--fill-voids", "--holes"], &["--holes"]);
     usage_error(&["import", "x.tif", "--out", "y", "--tile-size", "2"], &["--materials"]);
     let mut left: Vec<String> = fs::read_dir(&temp.0).expect("readable").filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
     left.sort();
-    assert_eq!(left, ["holes", "scaled"], "nothing is half-written");
+    assert_eq!(left, ["holes", "scaled", "smallest"], "nothing is half-written");
+}
+
+/// A place in a world, metres from its centre, and the right height there.
+type Place = ([f64; 2], f64);
+
+/// The ground of most cases, which GDAL and OpenEXR wrote from one array of 65 x 49 samples: the corners, the centre, and a place near the
+/// north-west. Positions are those of a spacing of 10 m.
+const PLACES: [Place; 6] = [
+    ([-320.0, 240.0], 805.748),
+    ([320.0, 240.0], 822.5),
+    ([-320.0, -240.0], 867.298),
+    ([320.0, -240.0], 837.4),
+    ([0.0, 0.0], 367.502),
+    ([-120.0, 170.0], 375.268),
+];
+
+/// The corners of the case with 160 x 96 samples.
+const SPARSE_PLACES: [Place; 4] =
+    [([-795.0, 475.0], 763.916), ([795.0, 475.0], 732.158), ([-795.0, -475.0], 875.682), ([795.0, -475.0], 888.061)];
+
+/// An import of a whole file by the program: what it must make of it.
+struct Imported {
+    file: &'static str,
+    options: &'static [&'static str],
+    truth: &'static str,
+    /// Metres from one sample to the next.
+    spacing_m: f64,
+    /// Largest error, metres, against `truth` and against the stated heights: the rounding of the samples or of the truth to integers or tenths.
+    tolerances: [f64; 2],
+    /// Columns and rows of the samples without data.
+    without_data: Option<[std::ops::Range<usize>; 2]>,
+}
+
+#[test]
+fn worlds_of_imported_files_have_the_right_heights_at_the_right_places() {
+    let temp = Folder::new("cases-worlds");
+    let whole = |file: &'static str, options: &'static [&'static str], truth: &'static str, tolerances: [f64; 2]| Imported {
+        file,
+        options,
+        truth,
+        spacing_m: 10.0,
+        tolerances,
+        without_data: None,
+    };
+    let exact = [1e-3; 2];
+    let void = Some([20..25, 10..14]);
+    let cases = [
+        whole(
+            "01-geotiff-scale-offset/int16_scale.tif",
+            &["--metres-per-texel", "10", "--height-range", "-32768,32767"],
+            "01-geotiff-scale-offset/truth.f32",
+            [1e-3, 0.0501],
+        ),
+        whole("01-geotiff-scale-offset/f32_scale.tif", &["--metres-per-texel", "10"], "01-geotiff-scale-offset/truth.f32", [0.0501, 1e-3]),
+        Imported {
+            spacing_m: 12_000.0 / 3937.0,
+            ..whole("02-geotiff-feet/us_survey_foot.tif", &["--metres-per-texel", "3.048"], "02-geotiff-feet/truth.f32", exact)
+        },
+        Imported {
+            without_data: void.clone(),
+            ..whole(
+                "04-float-untagged-void/f32_-9999.tif",
+                &["--metres-per-texel", "10", "--no-data", "-9999", "--fill-voids"],
+                "09-compressions/truth.f32",
+                exact,
+            )
+        },
+        Imported {
+            without_data: void.clone(),
+            ..whole(
+                "14-tagged-nodata/-9999_int16.tif",
+                &["--metres-per-texel", "10", "--height-range", "-32768,32767", "--fill-voids"],
+                "09-compressions/truth.f32",
+                [0.501; 2],
+            )
+        },
+        Imported { without_data: void.clone(), ..whole("05-internal-mask/masked.tif", &["--holes"], "09-compressions/truth.f32", exact) },
+        Imported {
+            without_data: Some([64..96, 32..64]),
+            ..whole("06-sparse-tiles/sparse_nodata.tif", &["--fill-voids"], "06-sparse-tiles/truth.f32", exact)
+        },
+        whole("06-sparse-tiles/sparse_no_tag.tif", &[], "06-sparse-tiles/truth_untagged.f32", [0.501; 2]),
+        whole("07-south-up/south_up.tif", &["--metres-per-texel", "10"], "07-south-up/truth.f32", exact),
+        whole("13-miniswhite/f32_miniswhite.tif", &["--metres-per-texel", "10"], "13-miniswhite/truth.f32", exact),
+        whole(
+            "13-miniswhite/u16_miniswhite.tif",
+            &["--metres-per-texel", "10", "--height-range", "0,65535"],
+            "13-miniswhite/truth_int.f32",
+            [1e-3, 0.501],
+        ),
+        whole(
+            "23-exr-normalised/unit.exr",
+            &["--metres-per-texel", "10", "--height-range", "300,900"],
+            "23-exr-normalised/truth.f32",
+            exact,
+        ),
+        whole("28-exr-windows/offset_whole.exr", &["--metres-per-texel", "10"], "28-exr-windows/truth.f32", exact),
+        whole("26-exr-multipart/colour_then_height.exr", &["--metres-per-texel", "10"], "26-exr-multipart/truth.f32", exact),
+    ];
+    for (index, case_of) in cases.iter().enumerate() {
+        let out = temp.path(&format!("scene-{index}"));
+        let source = case(case_of.file).display().to_string();
+        let mut arguments = vec!["import", source.as_str(), "--out", out.as_str()];
+        arguments.extend(case_of.options);
+        success(&arguments);
+        let scene = scene::load(&out).unwrap_or_else(|error| panic!("{error}"));
+        let world = World::new(&scene).unwrap_or_else(|error| panic!("{error}"));
+        check_world(&world, case_of);
+    }
+}
+
+/// Compares the heights of a world with the right ones: at the samples, and at the places whose heights are stated in this file.
+fn check_world(world: &World, of: &Imported) {
+    let Imported { file, spacing_m, .. } = of;
+    let truth = truth(of.truth);
+    let (width, places) = if truth.len() == 160 * 96 { (160, &SPARSE_PLACES[..]) } else { (65, &PLACES[..]) };
+    let depth = truth.len() / width;
+    // The heightmap of the scene has 16 bits.
+    let (low, high) = world.height_range_m();
+    let [tolerance, of_stated] = of.tolerances.map(|tolerance| tolerance + (high - low) / 65_535.0);
+    let east = |column: usize| (column as f64 - (width - 1) as f64 / 2.0) * spacing_m;
+    let north = |row: usize| ((depth - 1) as f64 / 2.0 - row as f64) * spacing_m;
+    let [east_edge, north_edge] = world.extent_m().map(|length| length / 2.0);
+    assert!((east_edge - east(width - 1)).abs() < 1e-6 && (north_edge - north(0)).abs() < 1e-6, "{file}: {east_edge}, {north_edge}");
+    let has_data = |column: usize, row: usize| {
+        of.without_data.as_ref().is_none_or(|[columns, rows]| !(columns.contains(&column) && rows.contains(&row)))
+    };
+    let opens = of.options.contains(&"--holes");
+    let (mut mirrored, mut turned, mut filled) = (0.0f64, 0.0f64, 0);
+    for (k, &right) in truth.iter().enumerate() {
+        let (column, row) = (k % width, k / width);
+        let (x, y, right) = (east(column), north(row), f64::from(right));
+        let found = world.height_m(x, y);
+        if has_data(column, row) {
+            assert!((found - right).abs() <= tolerance, "{file}: {found} m instead of {right} m at sample {column}, {row}");
+            assert!(!world.is_hole(x, y), "{file}: a hole at sample {column}, {row}");
+            mirrored = mirrored.max((world.height_m(-x, y) - right).abs());
+            turned = turned.max((world.height_m(x, -y) - right).abs());
+        } else {
+            // A gap is filled from its rim, and the ground is open there only on request.
+            assert!((299.0..901.0).contains(&found), "{file}: {found} m in the gap");
+            assert_eq!(world.is_hole(x, y), opens, "{file}: sample {column}, {row}");
+            filled += 1;
+        }
+    }
+    assert!(mirrored > 50.0 && turned > 50.0, "{file}: a mirrored map passes");
+    assert_eq!(filled > 0, of.without_data.is_some(), "{file}");
+    for ([x, y], right) in places {
+        let found = world.height_m(x / 10.0 * spacing_m, y / 10.0 * spacing_m);
+        assert!((found - right).abs() <= of_stated, "{file}: {found} m instead of {right} m at {x}, {y}");
+    }
+}
+
+#[test]
+fn what_a_killed_import_left_behind_is_removed_by_the_next_one() {
+    let temp = Folder::new("cases-killed");
+    let (source, out) = (case("07-south-up/south_up.tif").display().to_string(), temp.path("scene"));
+    // No process has so large a number. Names that only begin alike are kept.
+    let (dead, others) = (temp.0.join(".scene.part-4294967294"), [".scene.part-", ".scene.part-x", ".other.part-4294967294"]);
+    for name in [".scene.part-4294967294"].iter().chain(&others) {
+        fs::create_dir(temp.0.join(name)).expect("created");
+        fs::write(temp.0.join(name).join("heightmap.png"), "half").expect("written");
+    }
+    fs::write(temp.0.join(".scene.part-4294967294.lock"), "").expect("written");
+    // A folder that this process fills at the moment.
+    let filled = WholeFolder::beside(Path::new(&out)).unwrap_or_else(|error| panic!("{error}"));
+    fs::write(filled.folder().join("heightmap.png"), "half").expect("written");
+    let dry = success(&["import", &source, "--out", &out, "--dry-run"]);
+    assert!(dead.is_dir() && !dry.contains("removed"), "a dry run removes nothing");
+    let said = success(&["import", &source, "--out", &out]);
+    has(&said, &[&format!("removed {}, which an import left behind", dead.display())]);
+    assert_eq!(said.matches("removed").count(), 1, "{said}");
+    assert!(!dead.exists() && !temp.0.join(".scene.part-4294967294.lock").exists());
+    assert!(others.iter().all(|name| temp.0.join(name).is_dir()) && filled.folder().join("heightmap.png").is_file());
+    let files = fs::read_dir(&out).expect("imported").count();
+    assert_eq!((files, Path::new(&out).join("scene.toml").is_file()), (2, true), "nothing else is in the scene");
+    drop(filled);
+    let left = fs::read_dir(&temp.0).expect("readable").count();
+    assert_eq!(left, 1 + others.len(), "neither folders nor locks are left");
+    // A killed process had the number of this one: its files do not become a part of the folder.
+    let place = temp.0.join("again");
+    let own = temp.0.join(format!(".again.part-{}", std::process::id()));
+    fs::create_dir(&own).expect("created");
+    fs::write(own.join("old"), "").expect("written");
+    let whole = WholeFolder::beside(&place).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(whole.folder(), own);
+    has(&one_line(WholeFolder::beside(&place)), &["again", "is being written already"]);
+    fs::write(whole.folder().join("new"), "").expect("written");
+    whole.finish().unwrap_or_else(|error| panic!("{error}"));
+    assert!(place.join("new").is_file() && !place.join("old").exists());
 }
 
 #[test]

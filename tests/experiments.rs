@@ -25,6 +25,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
 use crate::fixtures::{Folder, failure, usage_error};
+use crate::measurer::{Fake, machine, number};
 
 /// A valid definition. Most tests use it or a changed copy of it.
 const TEXT: &str = r#"name = "trial"
@@ -351,87 +352,6 @@ fn shards_are_disjoint_and_whole() {
 
 // ---- Runs. ----
 
-/// A stand-in for the renderer. Its numbers depend only on the part, and its times never repeat.
-#[derive(Default)]
-struct Fake {
-    definition: Option<Definition>,
-    /// Mixed into every number; 0, except in negative controls.
-    salt: u64,
-    pause: Duration,
-    calls: Cell<u64>,
-}
-
-impl Fake {
-    fn of(definition: &Definition) -> Fake {
-        Fake { definition: Some(definition.clone()), ..Fake::default() }
-    }
-}
-
-/// Pseudo-random number in 0..1 for a text and a salt. It uses all digits of an f64.
-fn number(text: &str, salt: u64) -> f64 {
-    let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ salt, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
-    ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
-}
-
-impl Measure for Fake {
-    fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
-        let definition = self.definition.as_ref().expect("given");
-        let setting = unit.setting.as_ref().map(definition::setting_text).unwrap_or_default();
-        let reference = folder.join(format!("reference-{}-{setting}.bin", unit.view));
-        self.calls.set(self.calls.get() + 1);
-        let row = |variant: &str, metric: &str, value: f64| Row {
-            scene: "default".to_owned(),
-            variant: variant.to_owned(),
-            metric: metric.to_owned(),
-            value,
-            ..Row::default()
-        };
-        let mut outcome = Outcome::default();
-        if unit.work == Work::Reference {
-            fs::write(&reference, b"truth")?;
-            outcome.rows.push(row("", "reference_se", number(&unit.id, self.salt)));
-            return Ok(outcome);
-        }
-        if matches!(unit.work, Work::Sweep { .. }) {
-            anyhow::ensure!(reference.exists(), "{} is missing", reference.display());
-        }
-        for (i, (variant, _)) in definition.variant_choices()?.iter().enumerate() {
-            step(i as u64, 2);
-            std::thread::sleep(self.pause);
-            if let Work::Timing { .. } = unit.work {
-                let time = 1.0 + self.calls.get() as f64 + f64::from(std::process::id());
-                outcome.times.push(Row { unit: "wrong".to_owned(), ..row(variant, "gpu_ms:shading", time) });
-                continue;
-            }
-            for frame in (0..definition.frames).rev() {
-                let value = number(&format!("{}/{variant}/{frame}", unit.id), self.salt);
-                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "rmse", value) });
-                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "psnr", f64::NAN) });
-                // The definition does not ask for this metric, so the store must leave it out.
-                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "ssim", value) });
-            }
-            for lag in 1..definition.frames {
-                outcome.rows.push(Row { lag: Some(lag), standard_error: Some(value_of(lag)), ..row(variant, "flip_rate", value_of(lag)) });
-            }
-        }
-        Ok(outcome)
-    }
-}
-
-fn value_of(lag: u32) -> f64 {
-    0.1 / f64::from(lag)
-}
-
-fn machine() -> Provenance {
-    Provenance {
-        adapter: "none".to_owned(),
-        driver: "0".to_owned(),
-        software: true,
-        without_anisotropy: None,
-        command: "experiments run trial.toml".to_owned(),
-    }
-}
-
 fn place(out: &Path) -> Place<'_> {
     Place { out, own: false, existing: Existing::Refuse, shard: None, small: false }
 }
@@ -485,8 +405,8 @@ fn a_run_yields_what_was_measured_and_judges_it() {
     let data = run.finish().unwrap();
     assert!(data.complete && data.missing.is_empty() && data.manifest.complete);
     assert_eq!(
-        names(&folder.0.join("trial")).iter().filter(|name| !name.starts_with("reference-")).map(String::as_str).collect::<Vec<_>>(),
-        ["lock", "manifest.json", "metrics.csv", "metrics.parquet", "times.csv", "times.parquet"]
+        names(&folder.0.join("trial")),
+        ["lock", "manifest.json", "metrics.csv", "metrics.parquet", "reference", "times.csv", "times.parquet"]
     );
     // The run has 1 row of metrics for each of 6 references. For each of 48 sweeps and 2 variants, it has 2 metrics in each of 4 frames, and 1 row
     // for each of 3 lags. It has 1 row of times for each of 24 timings and 2 variants.
@@ -496,7 +416,10 @@ fn a_run_yields_what_was_measured_and_judges_it() {
     let one =
         data.rows.iter().find(|row| row.metric == "rmse" && row.noise == "white" && row.setting == "1" && row.frame == Some(2)).unwrap();
     let id = format!("sweep-{}-{}-white-{}-1", one.view, one.estimator, one.temporal);
-    assert_eq!(one.value, number(&format!("{id}/{}/2", one.variant), 0));
+    let unit = plan(&trial).into_iter().find(|unit| unit.id == id).expect("the part of this row");
+    let measured = Fake::of(&trial).measure(&unit, &data.folder, &|_, _| {}).unwrap();
+    let is_one = |row: &&Row| (&row.variant, row.metric.as_str(), row.frame) == (&one.variant, "rmse", Some(2));
+    assert_eq!(measured.rows.iter().find(is_one).map(|row| row.value), Some(one.value));
     let verdicts = expectations::evaluate(&trial, &data.rows, &data.times);
     assert!(verdicts.len() == 2 && verdicts.iter().all(|verdict| verdict.met), "{verdicts:?}");
     // The CSV file has the same numbers.
@@ -628,9 +551,7 @@ fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
     let more = Definition { seeds: trial.seeds + 2, ..trial.clone() };
     let run = Run::open(&more, &own, &machine()).unwrap();
     assert_eq!(run.progress().0, 0);
-    // The references are not compared: the stand-in writes them into the same folder as the tables, not into `reference`.
-    let left: Vec<String> = names(&folder.0).into_iter().filter(|name| !name.starts_with("reference-")).collect();
-    assert_eq!(left, ["lock", "manifest.json", "mine.txt", "parts"]);
+    assert_eq!(names(&folder.0), ["lock", "manifest.json", "mine.txt", "parts"]);
     drop(run);
     // With `Existing::Replace`, a run of the same definition is continued if it was stopped, and started again if it was finished.
     let mut run = Run::open(&more, &own, &machine()).unwrap();
@@ -972,7 +893,7 @@ fn damaged_tables_are_refused_in_one_line_and_never_believed() {
         }
     }
     for seed in 0..200 {
-        let noise: Vec<u8> = (0..500).map(|i| (number(&format!("{seed}/{i}"), 0) * 256.0) as u8).collect();
+        let noise: Vec<u8> = (0..500).map(|i| (number(&format!("{seed}/{i}")) * 256.0) as u8).collect();
         check(&noise, "noise");
         let mut framed = b"PAR1".to_vec();
         framed.extend(&noise);

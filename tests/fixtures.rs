@@ -10,9 +10,11 @@ use std::time::SystemTime;
 
 use kernels::base::error::Error;
 use kernels::base::wgsl::Wgsl;
+use kernels::decode::heightmap::ReadOptions;
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, shader_files};
 use kernels::gpu::{Gpu, GpuOptions, Sources};
+use kernels::import::scene_folder::{self, ImportOptions};
 use kernels::scene;
 use kernels::view::camera::Pose;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -189,6 +191,25 @@ pub(crate) fn success(arguments: &[&str]) -> String {
 /// The path of a file in `tests/cases`.
 pub(crate) fn case(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
+}
+
+/// Imports a heightmap into the folder `out`, and loads the scene that was written there.
+pub(crate) fn import_scene(source: &Path, options: &ImportOptions, out: &Path) -> scene::Scene {
+    scene_folder::import(source, options, out).unwrap_or_else(|error| panic!("{error}"));
+    scene::load(&out.display().to_string()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Imports a map of 201 x 150 samples, 4.3 m apart, as a scene. Its edges lie between vertices of all LODs: vertices are 4 m apart at the finest LOD,
+/// which is 3, but the ground reaches 430 m to the east and 320.35 m to the north. It rises steeply to the east and gently to the south.
+pub(crate) fn island(temp: &Folder) -> scene::Scene {
+    let (size, spacing) = ([201, 150], 4.3);
+    let centred = |index: u32, count: u32| (f64::from(index) - f64::from(count - 1) / 2.0) * spacing;
+    let height = |x: f64, y: f64| 500.0 + 0.6 * x - 0.15 * y + 5.0 * (x / 60.0).sin();
+    let samples = (0..size[0] * size[1]).map(|k| height(centred(k % size[0], size[0]), -centred(k / size[0], size[1])) as f32);
+    let file = temp.0.join("island.r32");
+    fs::write(&file, samples.flat_map(f32::to_le_bytes).collect::<Vec<u8>>()).expect("a temporary file can be written");
+    let read = ReadOptions { metres_per_texel: Some(spacing), raw_size: Some(size), ..ReadOptions::default() };
+    import_scene(&file, &ImportOptions { read, ..ImportOptions::default() }, &temp.0.join("island"))
 }
 
 /// The text of an error. Panics if nothing was refused, or if the text is not one line.

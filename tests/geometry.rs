@@ -1,21 +1,29 @@
-//! Tests of stitching. On a side where the neighbouring node is coarser, stitching moves (welds) the border vertices of a node to vertices that the
-//! neighbour also has. The tests compare the functions of the vertex stage on the GPU with their reference, and check that the neighbour has the
-//! vertices that the reference returns.
+//! Tests of stitching, and of the edge of the ground. On a side where the neighbouring node is coarser, stitching moves (welds) the border vertices
+//! of a node to vertices that the neighbour also has. The tests compare the functions of the vertex stage on the GPU with their reference, and check
+//! that the neighbour has the vertices that the reference returns. The ground of a heightmap must end where its data end, without cracks at borders
+//! of nodes.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
-use glam::DVec2;
-use kernels::frame::VariantChoice;
+use glam::{DVec2, DVec3};
+use kernels::frame::picture::{AovSet, Picture};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::geometry::{STITCH_WGSL, reference};
 use kernels::gpu::read_texture;
 use kernels::materials::Palette;
+use kernels::oracle;
 use kernels::probe::table;
+use kernels::scene::Scene;
+use kernels::shading::Estimator;
 use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::terrain::reference::{Ground, Spot};
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
+use kernels::world::World;
 
-use crate::fixtures::{gpu, request, second_renderer};
+use crate::fixtures::{Folder, SIZE, gpu, island, request, second_renderer, terrain};
 use crate::shading::{self, Seen};
 
 /// Returns rows for the test. Each row contains the index of a vertex and the deltas of its node. A delta is the number of levels by which the
@@ -129,3 +137,129 @@ fn mask_and_shading_normal_equal_their_references() {
 /// Limits of the median difference between the stored shading normal and its reference, radians, for each encoding. A software adapter filters
 /// textures with 8 bits. The first two encodings round the shading normal to 8 + 8 bits, which are steps of about 0.012 radians.
 const NORMAL_LIMITS: [f64; 3] = [0.01, 0.01, 0.005];
+
+/// A request for a picture straight down from 6 m above the ground at a position: about 10 m x 7 m of ground. North is at the top of the picture.
+fn from_above(world: &World, x: f64, y: f64) -> RenderRequest {
+    let position = DVec3::new(x, y, world.surface_height_m(x, y) + 6.0);
+    let aovs = AovSet::from_names(&["position", "normal"]).expect("known layers");
+    RenderRequest::new(Pose { position, yaw: 0.0, pitch: -FRAC_PI_2, fov: 60f64.to_radians() }, SIZE).with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+        // With the variance estimator, the layer `normal` shows the normal that the geometry pass stored.
+        r.shading.estimator = Estimator::Variance;
+        r.outputs.aovs = aovs;
+    })
+}
+
+/// For each pixel of a picture from above: how far outside a rectangle around the origin its ray meets the ground, in pixels; negative = inside.
+fn outside_px(renderer: &Renderer<'_>, request: &RenderRequest, half_extent: DVec2) -> Vec<f64> {
+    let (view, eye) = (renderer.view(request), request.view.pose.position);
+    let [width, height] = request.view.size;
+    let pixel = |k: u32| {
+        let ray = view.ray(f64::from(k % width), f64::from(k / width));
+        // Each step leaves at most 5/6 of the error: the slope of the ground is below 0.8, and no ray goes sideways by more than 1.04 m per metre
+        // down.
+        let step = |t: f64| (eye.z - renderer.ground_m(eye.x + ray.x * t, eye.y + ray.y * t)) / -ray.z;
+        let t = (0..80).fold(6.0, |t, _| step(t));
+        ((eye + ray * t).truncate().abs() - half_extent).max_element() / (view.ray_dx.length() * t)
+    };
+    (0..width * height).map(pixel).collect()
+}
+
+/// Number of pixels that show sky at least a pixel inside the rectangle, or ground at least a pixel outside.
+fn wrong_side(picture: &Picture, outside_px: &[f64]) -> usize {
+    terrain(picture).iter().zip(outside_px).filter(|(on, outside)| **on == (**outside > 0.0) && outside.abs() >= 1.0).count()
+}
+
+#[test]
+fn the_ground_of_a_heightmap_is_drawn_to_the_edge_of_its_data() {
+    let temp = Folder::new("edge");
+    let scene = Scene { detail_size: 64, ..island(&temp) };
+    let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
+    let world = renderer.world().clone();
+    let data = DVec2::from_array(world.extent_m()) / 2.0;
+    assert!((data - DVec2::new(430.0, 320.35)).abs().max_element() < 1e-9 && world.layout().finest_lod == 3);
+    // Where the ground would end if all its triangles had three vertices within the data.
+    let last_vertices = (data / 4.0).floor() * 4.0;
+    // One edge, the corners, and the places where an edge meets the border of two nodes.
+    let places = [[1.0, 0.3], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
+    for place in places {
+        let at = data * DVec2::from_array(place);
+        let request = from_above(&world, at.x, at.y);
+        let picture = renderer.render(&request).expect("renders");
+        assert!(picture.report.drawn.iter().any(|node| node.lod == 3), "{place:?}");
+        let on = terrain(&picture);
+        assert!(on.iter().filter(|on| **on).count() > on.len() / 6 && on.iter().any(|on| !on), "{place:?}");
+        assert_eq!(wrong_side(&picture, &outside_px(&renderer, &request, data)), 0, "{place:?}");
+        // Negative control.
+        assert!(wrong_side(&picture, &outside_px(&renderer, &request, last_vertices)) > 20, "{place:?}");
+        // The drawn ground is the ground of the reference. Positions are f32, and the slope is below 1.
+        let position = picture.vectors("position").expect("requested");
+        for (p, _) in position.iter().zip(&on).filter(|(_, on)| **on) {
+            let [x, y, z] = p.map(f64::from);
+            assert!((z - world.surface_height_m(x, y)).abs() < 0.01, "{place:?}: {p:?}");
+        }
+    }
+
+    // Normals and triangles in the strip between the last vertices and the edge, 2 m wide.
+    let request = from_above(&world, data.x, 0.3 * data.y);
+    let picture = renderer.render(&request).expect("renders");
+    let (position, normal) = (picture.vectors("position").expect("requested"), picture.vectors("normal").expect("requested"));
+    let mut angles = Vec::new();
+    for ((p, n), _) in position.iter().zip(normal).zip(terrain(&picture)).filter(|((p, _), on)| *on && f64::from(p[0]) > last_vertices.x) {
+        let (x, y) = (f64::from(p[0]).min(data.x - 0.01), f64::from(p[1]));
+        let slope = |dx: f64, dy: f64| (world.surface_height_m(x + dx, y + dy) - world.surface_height_m(x - dx, y - dy)) / 0.002;
+        let plane = DVec3::new(-slope(0.001, 0.0), -slope(0.0, 0.001), 1.0).normalize();
+        angles.push(plane.angle_between(DVec3::from_array(n.map(f64::from))).to_degrees());
+    }
+    angles.sort_by(f64::total_cmp);
+    // The slope there is about 27 degrees. Stored normals have an error of 1 or 2 degrees, and the slope changes by 5 degrees at the last vertices.
+    // Normals that take the last vertices and the edge as 4 m apart would be too flat by 8 degrees at the middle of the strip.
+    assert!(angles.len() > 500 && angles[angles.len() / 2] < 5.0, "median of {}: {} degrees", angles.len(), angles[angles.len() / 2]);
+    let request = request.with(|r| r.shading.estimator = Estimator::Fc5);
+    let inside = [SIZE[0] / 2 - 4, SIZE[1] / 2];
+    let pixel = oracle::inspect(&mut renderer, &request, inside).expect("inspects").expect("ground");
+    assert!(pixel.position[0] > last_vertices.x && pixel.position[0] < data.x, "{:?}", pixel.position);
+    let off = pixel.normal_error().expect("the reference has the triangle that was drawn");
+    assert!(off < 2f64.to_radians(), "{off} radians");
+}
+
+#[test]
+fn the_edge_of_the_data_has_no_cracks_where_lods_meet() {
+    let temp = Folder::new("edge-lods");
+    let scene = Scene { detail_size: 64, ..island(&temp) };
+    let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
+    let world = renderer.world().clone();
+    let (layout, data) = (*world.layout(), DVec2::from_array(world.extent_m()) / 2.0);
+    // Nodes are selected from another place, so that a border between two LODs crosses the edge of the data in the middle of the picture, and so that
+    // the coarsest node is drawn alone.
+    let eye = |x: f64, y: f64, yaw: f64| Pose {
+        position: DVec3::new(x, y, world.surface_height_m(x, y) + 50.0),
+        yaw,
+        pitch: -0.1,
+        fov: FRAC_PI_2,
+    };
+    let cases = [
+        ([data.x, 0.0], eye(250.0, -230.0, 180f64.atan2(230.0)), 1.5, [3, 4]),
+        ([0.0, -data.y], eye(-230.0, -250.0, 230f64.atan2(-70.0)), 1.5, [3, 4]),
+        ([data.x, 0.0], eye(1200.0, 0.0, -FRAC_PI_2), 4.0, [5, 5]),
+    ];
+    for ([x, y], culled_from, lod_bias, lods) in cases {
+        let request = from_above(&world, x, y).with(|r| {
+            r.geometry.culled_from = Some(culled_from);
+            r.geometry.lod_bias = lod_bias;
+        });
+        let picture = renderer.render(&request).expect("renders");
+        // The nodes on both sides of the border, within the data.
+        let inwards = DVec2::new(x, y) * 0.99;
+        let along = DVec2::new(y, x).abs().normalize() * 3.0;
+        let node_at = |at: DVec2| picture.report.drawn.iter().copied().find(|node| layout.node_at(node.lod, at.x, at.y) == Some(*node));
+        let found = [inwards - along, inwards + along].map(|at| node_at(at).map(|node| node.lod));
+        let mut found = found.map(|lod| lod.expect("a node is drawn on each side"));
+        found.sort_unstable();
+        assert_eq!(found, lods, "at {x}, {y}");
+        assert_eq!(wrong_side(&picture, &outside_px(&renderer, &request, data)), 0, "at {x}, {y}");
+        // Negative control: where the ground would end without the move of vertices.
+        let spacing = layout.spacing_m(lods[1]);
+        assert!(wrong_side(&picture, &outside_px(&renderer, &request, (data / spacing).floor() * spacing)) > 20, "at {x}, {y}");
+    }
+}

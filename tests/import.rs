@@ -386,6 +386,8 @@ fn files_beside_a_heightmap_are_refused_if_they_say_what_its_samples_mean() {
     assert!(!notes(&path).iter().any(|note| note.contains("beside")), "negative control");
     fs::write(&metadata, "<PAMDataset><Metadata/></PAMDataset>").expect("metadata");
     assert!(notes(&path).iter().any(|note| note.contains("a.raw.aux.xml beside it is not read")));
+    fs::write(&metadata, "<PAMDataset><!-- <Scale>2</Scale> --></PAMDataset>").expect("metadata");
+    assert!(notes(&path).iter().any(|note| note.contains("a.raw.aux.xml beside it is not read")), "a comment says nothing");
     for element in ["Scale", "Offset", "NoDataValue", "UnitType"] {
         let band = format!("<PAMDataset><PAMRasterBand band=\"1\"><{element}>2</{element}></PAMRasterBand></PAMDataset>");
         fs::write(&metadata, band).expect("metadata");

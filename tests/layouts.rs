@@ -136,6 +136,8 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 sample_pattern,
                 sky_horizon,
                 normals,
+                data_low,
+                data_high,
             }),
         ),
         (

@@ -49,6 +49,8 @@ mod looking;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]
+mod measurer;
+#[cfg(test)]
 mod metrics;
 #[cfg(test)]
 mod motion;

@@ -202,9 +202,10 @@ fn every_variant_resolves() {
 
 #[test]
 fn other_stages_overrides_exist() {
-    let stages: [(&ShaderModule, (ShaderStage, &str), &str); 3] = [
+    let stages: [(&ShaderModule, (ShaderStage, &str), &str); 4] = [
         (&geometry::MODULE, (ShaderStage::Vertex, "geometry_vertex"), "HAS_HOLES"),
         (&geometry::MODULE, (ShaderStage::Fragment, "geometry_fragment"), "HAS_HOLES"),
+        (&geometry::MODULE, (ShaderStage::Vertex, "geometry_vertex"), "HAS_EDGE"),
         (&virtual_texture::PAGE_MODULE, (ShaderStage::Fragment, "page_fragment"), "COLOUR_MODULATION"),
     ];
     for (module, entry, name) in stages {

@@ -12,11 +12,12 @@ use ::bytes::Bytes;
 use ::experiments::definition::{self, Definition};
 use ::experiments::row::Row;
 use ::experiments::store::table::{read_parquet, write_parquet};
-use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
-use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan};
+use ::experiments::store::{Existing, Place, Run, RunData, read_run};
+use ::experiments::unit::{Shard, plan};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use crate::fixtures::{Folder, failure};
+use crate::measurer::{Fake, machine};
 
 /// A run of 8 parts: for each of two views a reference, two sweeps and a timing.
 const TEXT: &str = r#"name = "trial"
@@ -59,65 +60,6 @@ fn another() -> Definition {
 
 // ---- Making runs. ----
 
-/// A stand-in for the renderer. Its numbers depend on the name of the part. Most of them also depend on the settings of the definition, and errors
-/// also depend on the bytes of the reference's files, as in a real run. The stand-in does not notice damaged references. Unlike measured times, its
-/// times are the same in every run, so that tables of times can be compared.
-struct Fake<'a>(&'a Definition);
-
-/// Pseudo-random number from 0 to 1, computed from a text. It has the full precision of an f64.
-fn number(text: &str) -> f64 {
-    let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
-    ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
-}
-
-impl Measure for Fake<'_> {
-    fn measure(&mut self, unit: &Unit, folder: &Path, _: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
-        let salt = format!("{:?}", self.0.settings);
-        let own = folder.join("reference");
-        let names = ["exr", "json"].map(|extension| format!("reference-{}.{extension}", unit.view));
-        let row = |variant: &str, metric: &str, value: f64| Row {
-            scene: "default".to_owned(),
-            variant: variant.to_owned(),
-            metric: metric.to_owned(),
-            value,
-            ..Row::default()
-        };
-        let mut outcome = Outcome::default();
-        if unit.work == Work::Reference {
-            fs::create_dir_all(&own)?;
-            for name in &names {
-                fs::write(own.join(name), format!("{}\n{name}\n", number(&format!("{name}{salt}"))))?;
-            }
-            outcome.rows.push(row("reference", "reference_se", number(&format!("{}{salt}", unit.id))));
-            return Ok(outcome);
-        }
-        for (variant, _) in self.0.variant_choices()? {
-            if let Work::Timing { .. } = unit.work {
-                outcome.times.push(row(&variant, "gpu_ms:shading", number(&format!("{}/{variant}{salt}", unit.id))));
-                continue;
-            }
-            let reference = [fs::read(own.join(&names[0]))?, fs::read(own.join(&names[1]))?].concat();
-            for frame in 0..self.0.frames {
-                let value = number(&format!("{}/{variant}/{frame}{salt}{reference:?}", unit.id));
-                outcome.rows.push(Row { frame: Some(frame), ..row(&variant, "rmse", value) });
-                outcome.rows.push(Row { frame: Some(frame), ..row(&variant, "psnr", f64::INFINITY) });
-            }
-            outcome.rows.push(Row { lag: Some(1), standard_error: Some(0.25), ..row(&variant, "flip_rate", number(&unit.id)) });
-        }
-        Ok(outcome)
-    }
-}
-
-fn machine() -> Provenance {
-    Provenance {
-        adapter: "none".to_owned(),
-        driver: "0".to_owned(),
-        software: true,
-        without_anisotropy: None,
-        command: "experiments run trial.toml".to_owned(),
-    }
-}
-
 fn open(definition: &Definition, run: &Path, existing: Existing) -> anyhow::Result<Run> {
     Run::open(definition, &Place { out: run, own: true, existing, shard: None, small: false }, &machine())
 }
@@ -130,7 +72,7 @@ fn carry_out(run: &mut Run, definition: &Definition, parts: usize) {
         left.set(left.get() - 1);
         Ok(())
     };
-    let outcome = run.carry_out(&mut Fake(definition), &|_, _| {}, &go_on);
+    let outcome = run.carry_out(&mut Fake { times_repeat: true, ..Fake::of(definition) }, &|_, _| {}, &go_on);
     let (done, all) = run.progress();
     assert!(outcome.is_ok() == (done == all), "{done} of {all} parts: {outcome:?}");
 }

@@ -6,9 +6,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use kernels::blocks;
 use kernels::blocks::{BlockFormat, Effort};
+use kernels::geometry::reference;
 use kernels::scene::{self, Scene};
 use kernels::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE, diagonal_rises};
 use kernels::world::{LODS, Layout, NodeId, NodePayload, PaletteMeans, SECTORS, World, cones, on_threads};
+
+use crate::fixtures::{Folder, island};
 
 const MATERIALS: &str = r#"
 [[material]]
@@ -286,6 +289,97 @@ fn albedo_alpha_is_zero_exactly_at_vertices_in_holes() {
     let rgba = blocks::decode(BlockFormat::Bc1, &whole.albedo, TEXTURE_SIDE, TEXTURE_SIDE);
     assert!(rgba.chunks_exact(4).all(|t| t[3] == 255));
     assert!(world.is_hole(5121.0, 0.0) && !world.is_hole(5120.0, 0.0), "there is ground on the rim of the world, but not outside");
+}
+
+#[test]
+fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
+    let temp = Folder::new("world-edge");
+    let scene = island(&temp);
+    let world = World::new(&scene).expect("valid");
+    let layout = *world.layout();
+    let means = PaletteMeans {
+        albedo: vec![[0.2; 3]; scene.materials.len()],
+        smoothness: vec![0.2; scene.materials.len()],
+        specular_occlusion: vec![1.0; scene.materials.len()],
+    };
+    let [east, north] = world.extent_m().map(|length| length / 2.0);
+    assert!((east - 430.0).abs() < 1e-9 && (north - 320.35).abs() < 1e-9 && layout.finest_lod == 3);
+    for lod in layout.finest_lod..LODS {
+        let id = layout.node_at(lod, east - 1.0, 1.0 - north).expect("inside the world");
+        let payload = world.bake(id, &means);
+        let (origin, spacing) = (id.origin_m(&layout), layout.spacing_m(lod));
+        let mut beyond = 0;
+        for (k, &height) in payload.height.iter().enumerate() {
+            let at = [k % HEIGHT_SIDE, k / HEIGHT_SIDE].map(|n| n as f64 * spacing);
+            let at = [origin.x + at[0], origin.y + at[1]];
+            let drawn = world.drawn_at(at);
+            assert!(drawn[0].abs() <= east && drawn[1].abs() <= north);
+            if drawn == at {
+                continue;
+            }
+            // Vertices that are drawn at one place have one height, which is never filtered. A wall would stand between unequal heights.
+            assert_eq!(height, world.quantise(world.height_m(drawn[0], drawn[1])), "LOD {lod}, {at:?}");
+            beyond += 1;
+        }
+        assert!(beyond > 1000, "LOD {lod}: {beyond} vertices");
+        let rgba = blocks::decode(BlockFormat::Bc1, &payload.albedo, TEXTURE_SIDE, TEXTURE_SIDE);
+        assert!(rgba.chunks_exact(4).all(|texel| texel[3] == 255), "LOD {lod}: the end of the data is no hole");
+        // Only quads with an area have normals, and their cones contain the normals of the triangles as they are drawn.
+        let cones = cones::decode(&payload.cones);
+        let mut flat = 0;
+        for (i, j) in (0..128).flat_map(|j| (0..128).map(move |i| (i, j))) {
+            for [a, b, c] in drawn_triangles(&world, id, [i, j]) {
+                let normal = (b - a).cross(c - a);
+                if normal.length() == 0.0 {
+                    flat += 1;
+                    continue;
+                }
+                let patch = (j / 16 * 8 + i / 16) as usize;
+                assert!(cones[patch].contains(normal.normalize().to_array()), "LOD {lod}, quad {i}, {j}");
+            }
+        }
+        assert!(flat > 1000, "LOD {lod}: {flat} triangles without area");
+    }
+    // A procedural world fills its sectors, and moves no vertex.
+    assert!(world.has_edge() && !alps().has_edge());
+    assert_eq!(alps().drawn_at([6000.0, -5121.0]), [6000.0, -5121.0]);
+
+    // The surface of the finest LOD consists of the triangles of the reference, also in the last strip, which is 2 m wide.
+    let mut flatter = 0.0f64;
+    for k in 0..600u32 {
+        let (a, b) = ((f64::from(k) * 0.754_877_666_246_69).fract(), (f64::from(k) * 0.569_840_290_998_05).fract());
+        let at = glam::DVec2::new(428.0 + 2.0 * a, (2.0 * b - 1.0) * north);
+        let id = layout.node_at(3, at.x, at.y).expect("inside the world");
+        let quad = ((at - id.origin_m(&layout)) / layout.spacing_m(3)).floor().as_uvec2().to_array();
+        let [drawn, lattice] = [true, false].map(|is_drawn| {
+            let triangles = drawn_triangles(&world, id, quad).map(|triangle| {
+                let moved = |v: glam::DVec3| if v.x == east && !is_drawn { glam::DVec3::new(432.0, v.y, v.z) } else { v };
+                triangle.map(moved)
+            });
+            triangles.iter().find_map(|triangle| height_on(*triangle, at)).expect("the triangles cover the quad")
+        });
+        let found = world.surface_height_m(at.x, at.y);
+        assert!((found - drawn).abs() < 1e-6, "{at}: {found}, not {drawn}");
+        flatter = flatter.max((found - lattice).abs());
+    }
+    assert!(flatter > 0.2, "negative control: a strip of full width is {flatter} m off");
+    // Beyond the data, the surface is that of the nearest point.
+    assert_eq!(world.surface_height_m(900.0, 12.0), world.surface_height_m(east, 12.0));
+    assert_eq!(world.height_m(-900.0, -900.0), world.height_m(-east, -north));
+}
+
+/// The two triangles of a quad of a node, as the reference of the geometry pass draws them. `quad`: its south-western vertex.
+fn drawn_triangles(world: &World, id: NodeId, [i, j]: [u32; 2]) -> [[glam::DVec3; 3]; 2] {
+    let [sw, se, nw, ne] = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|index| reference::vertex(world, id, index));
+    if diagonal_rises(i as usize, j as usize) { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] }
+}
+
+/// Height of a triangle at a horizontal position; `None` outside.
+fn height_on([a, b, c]: [glam::DVec3; 3], at: glam::DVec2) -> Option<f64> {
+    let [ab, ac, ap] = [(b - a).truncate(), (c - a).truncate(), at - a.truncate()];
+    let area = ab.perp_dot(ac);
+    let (of_b, of_c) = (ap.perp_dot(ac) / area, ab.perp_dot(ap) / area);
+    (area > 0.0 && of_b >= -1e-9 && of_c >= -1e-9 && of_b + of_c <= 1.0 + 1e-9).then_some(a.z + of_b * (b.z - a.z) + of_c * (c.z - a.z))
 }
 
 /// Returns the unit normals of the drawn triangles of each patch, computed as cross products of edges.

@@ -462,10 +462,6 @@ impl Cli {
             Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
                 Err(("render", "--aov needs an .exr file, because .png files have no layers: change --out".to_owned()))
             }
-            // Other formats cannot state the spacing, so this mistake is found without opening the file.
-            Command::Import(args) if args.metres_per_texel.is_none() && !["tif", "tiff"].contains(&extension(&args.heightmap).as_str()) => {
-                Err(("import", "--metres-per-texel is missing: only TIFF files state how far apart their samples are".to_owned()))
-            }
             Command::Import(args) if args.no_data.len() > 1 && args.no_data.contains(&NoDataArg::Nothing) => {
                 Err(("import", "--no-data none excludes other values: give either".to_owned()))
             }

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use anyhow::Result;
 
-use crate::definition::{Definition, Setting, Times, setting_text};
+use crate::definition::{Definition, Setting, Times, hash, setting_text};
 use crate::row::Row;
 
 /// The work that a part of a run consists of.
@@ -92,7 +92,7 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
                 };
                 let value = setting.as_ref().map(setting_text);
                 words.extend(value.as_deref());
-                let id = words.into_iter().map(file_word).collect::<Vec<_>>().join("-");
+                let id = id_of(&words, &units);
                 units.push(Unit { index: units.len(), id, view: view.to_owned(), setting: setting.clone(), work });
             };
             add(Work::Reference);
@@ -113,8 +113,20 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// Converts a text to a component of a file name. Characters other than ASCII letters, digits, `-`, `_`, `+` and `.` are replaced by `_`.
-/// The text is cut after 30 characters, so that six components, the most that `plan` joins, fit into a file name.
+/// Returns the name of a part that consists of these words. If a word does not fit into a file name as it is, or if a part in `taken` has this name
+/// already, the hash of the words follows. So different parts have different names, also where upper and lower case are the same.
+fn id_of(words: &[&str], taken: &[Unit]) -> String {
+    let id = words.iter().map(|word| file_word(word)).collect::<Vec<_>>().join("-");
+    let is_plain = words.iter().all(|word| file_word(word) == *word);
+    if is_plain && !taken.iter().any(|unit| unit.id.eq_ignore_ascii_case(&id)) {
+        return id;
+    }
+    let hash = hash(words.join("\0").as_bytes());
+    format!("{id}-{}", hash.get(..8).unwrap_or(&hash))
+}
+
+/// Converts a text to a component of a file name. Characters other than ASCII letters, digits, `-`, `_`, `+` and `.` are replaced by `_`. The text is
+/// cut after 30 characters, so that six components and a hash fit into a file name.
 fn file_word(text: &str) -> String {
     text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
 }
@@ -183,6 +195,8 @@ pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     #[test]
@@ -198,5 +212,38 @@ mod tests {
         assert_eq!(file_word("0.05"), "0.05");
         assert_eq!(file_word("[1.0, 2]/..\\é"), "_1.0__2__..__");
         assert_eq!(file_word(&"x".repeat(300)).len(), 30);
+    }
+
+    #[test]
+    fn different_parts_have_different_names() {
+        let named = |id: String| Unit { index: 0, id, view: String::new(), setting: None, work: Work::Reference };
+        let long = |end: &str| format!("{}{end}", "0.1234567890".repeat(4));
+        let (one, other) = (long("1"), long("2"));
+        let all: [&[&str]; 9] = [
+            &["reference", "cliff", "0.05"],
+            // Cut after 30 characters, and with characters that are replaced.
+            &["reference", "cliff", one.as_str()],
+            &["reference", "cliff", other.as_str()],
+            &["reference", "cliff", "[1, 2]"],
+            &["reference", "cliff", "(1, 2)"],
+            // The same words joined, and names that differ in case only.
+            &["reference", "a", "b-c"],
+            &["reference", "a-b", "c"],
+            &["reference", "Cliff"],
+            &["reference", "cliff"],
+        ];
+        let mut taken: Vec<Unit> = Vec::new();
+        for words in all {
+            taken.push(named(id_of(words, &taken)));
+        }
+        let ids: BTreeSet<String> = taken.iter().map(|unit| unit.id.to_lowercase()).collect();
+        assert_eq!(ids.len(), all.len(), "{ids:?}");
+        assert!(ids.iter().all(|id| id.len() < 200 && id.chars().all(|c| c.is_ascii_alphanumeric() || "-_+.".contains(c))), "{ids:?}");
+        assert_eq!(
+            (taken[0].id.as_str(), taken[7].id.as_str()),
+            ("reference-cliff-0.05", "reference-Cliff"),
+            "plain names stay as they are"
+        );
+        assert_eq!(id_of(all[1], &[]), id_of(all[1], &taken), "the hash depends on the words alone");
     }
 }

@@ -1,6 +1,10 @@
 //! `import`: creates a scene folder from a heightmap.
 
-use anyhow::{Result, bail};
+use std::fs;
+use std::io::ErrorKind;
+
+use anyhow::{Context, Result, bail};
+use kernels::base::files::remove_unfinished;
 use kernels::decode::heightmap::{NoData, ReadOptions, Voids};
 use kernels::import::scene_folder::{self, ImportOptions};
 
@@ -10,16 +14,18 @@ use crate::process::{check_interrupted, watch_interrupts};
 
 /// Writes the scene folder completely or not at all, and prints what was understood of the files.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {
-    if args.heightmap.is_dir() {
-        bail!("{} is a folder: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
+    let heightmap = args.heightmap.display();
+    match fs::metadata(&args.heightmap) {
+        Err(error) if error.kind() == ErrorKind::NotFound => bail!("there is no file {heightmap}: give a PNG, RAW, EXR or TIFF heightmap"),
+        Err(error) => return Err(error).with_context(|| format!("cannot read {heightmap}")),
+        Ok(at) if at.is_dir() => bail!("{heightmap} is a folder: give a PNG, RAW, EXR or TIFF heightmap"),
+        Ok(at) if !at.is_file() => bail!("{heightmap} is a device or a pipe: give a PNG, RAW, EXR or TIFF heightmap as a file"),
+        Ok(_) => {}
     }
     if let Some(materials) = &args.materials
         && !materials.is_dir()
     {
         bail!("there is no folder {}: --materials takes a folder that holds images of materials", materials.display());
-    }
-    if !args.heightmap.is_file() {
-        bail!("there is no file {}: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
     }
     if let Some(out) = args.out.as_deref() {
         if out.exists() {
@@ -45,6 +51,9 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
         return print("dry run: nothing is written\n");
     };
     check_interrupted()?;
+    for left in remove_unfinished(out)? {
+        print(&format!("removed {}, which an import left behind when it was ended\n", left.display()))?;
+    }
     understood.write(out, &stopped)?;
     let out = out.display();
     print(&format!(

@@ -1,13 +1,12 @@
 //! Reads pictures from PNG and JPEG files. The samples are decoded as the file states, and other facts that can affect a comparison are
 //! recorded.
 
-use std::io::{BufRead, Read, Seek};
+use std::io::{BufRead, Seek};
 
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder as _, ImageError, ImageFormat, ImageReader};
 use kernels::base::colour::linear_from_srgb;
-use kernels::decode::colours::{Colours, unapplied_profile};
-use kernels::decode::jpeg;
+use kernels::decode::coded::{self, Opened};
 use kernels::frame::MAX_PIXELS;
 
 use super::layers::convert;
@@ -25,21 +24,12 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
     if let Some(layer) = layer {
         return Err(format!("has no layer `{layer}`: only OpenEXR files have layers"));
     }
-    let colours =
-        if format == ImageFormat::Png { Colours::of_png(&mut input).map_err(|error| undecodable(&error))? } else { Colours::default() };
-    input.rewind().map_err(unreadable)?;
-    if format == ImageFormat::Jpeg {
-        let mut bytes = Vec::new();
-        Read::read_to_end(&mut input, &mut bytes).map_err(unreadable)?;
-        jpeg::check_end(&bytes).map_err(|fault| fault.to_string())?;
-        input.rewind().map_err(unreadable)?;
-    }
-    let mut decoder = ImageReader::with_format(input, format).into_decoder().map_err(|error| undecodable(&error))?;
+    let Opened { mut decoder, colours } = coded::open(input, format).map_err(|fault| fault.to_string())?;
     let (width, height) = decoder.dimensions();
     check_size(width, height)?;
-    let orientation = decoder.orientation().map_err(|error| undecodable(&error))?;
-    let profile = decoder.icc_profile().map_err(|error| undecodable(&error))?;
-    let mut decoded = DynamicImage::from_decoder(decoder).map_err(|error| undecodable(&error))?;
+    let orientation = decoder.orientation().map_err(undecodable)?;
+    let profile = decoder.icc_profile().map_err(undecodable)?;
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     decoded.apply_orientation(orientation);
     let colour_type = decoded.color();
     let encoded = decoded.into_rgba32f();
@@ -49,12 +39,6 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
     };
     let mut texels: Vec<[f32; 3]> = encoded.pixels().map(|p| [p[0], p[1], p[2]].map(linear)).collect();
     let converted_from = colours.primaries.map(|stated| convert(&mut texels, stated)).transpose()?;
-    let ignored = match (colours.code_points, profile) {
-        // PNG (third edition), "Color chunk precedence": code points take precedence over a profile.
-        (Some(points), _) => (!points.is_srgb).then_some(points.text),
-        (None, Some(profile)) => unapplied_profile(&profile),
-        (None, None) => None,
-    };
     Ok(Image {
         size: [encoded.width(), encoded.height()],
         texels,
@@ -63,7 +47,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
         origin: Origin {
             converted_from,
             gamma: colours.gamma,
-            ignored,
+            ignored: colours.unapplied(profile.as_deref()),
             turned: words(orientation),
             bits: Some(if matches!(colour_type, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16) { 16 } else { 8 }),
             lossy: (format == ImageFormat::Jpeg).then_some("JPEG"),
@@ -72,8 +56,8 @@ pub(super) fn read(mut input: impl BufRead + Seek, layer: Option<&str>) -> Resul
     })
 }
 
-fn undecodable(error: &dyn std::fmt::Display) -> String {
-    format!("cannot be decoded: {error}; give an OpenEXR, PNG or JPEG file")
+fn undecodable(error: ImageError) -> String {
+    coded::undecodable(error).to_string()
 }
 
 /// Refuses a size that is not supported. It is called before memory for the pixels is allocated.

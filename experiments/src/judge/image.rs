@@ -231,7 +231,7 @@ mod tests {
             assert!(text.contains(says) && text.contains("broken"), "{text}");
         };
         refused(b"", "is not a picture");
-        refused(b"P6 words", "cannot be decoded");
+        refused(b"P6 words", "Pnm files cannot be read");
         refused(b"plain words", "is not a picture");
         refused(&20_000_630_u32.to_le_bytes(), "OpenEXR");
         refused(b"\x89PNG\r\n\x1a\nrest", "cannot be decoded");

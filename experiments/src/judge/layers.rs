@@ -11,7 +11,7 @@ use std::io::{BufRead, Seek};
 use glam::DVec3;
 use kernels::base::error::one_line;
 use kernels::base::names::nearest;
-use kernels::decode::openexr::{self, Channel, Chromaticities, Kind, Limits, Part};
+use kernels::decode::openexr::{self, Channel, Channels, Chromaticities, Kind, Limits, Part};
 use kernels::frame::MAX_PIXELS;
 
 use super::picture::{Content, Image, Origin};
@@ -25,29 +25,21 @@ struct Layer<'a> {
     /// Name of the layer; empty if the channels belong to no layer.
     name: String,
     part: &'a Part,
-    channels: Vec<&'a Channel>,
+    channels: Channels<'a>,
 }
 
 impl<'a> Layer<'a> {
-    /// Returns the channel with this name; `None` if there is none, or if there are several. A name that is exactly equal takes precedence
-    /// over names that differ in case.
-    fn channel(&self, name: &str) -> Option<&'a Channel> {
-        let of_name = |is: fn(&str, &str) -> bool| sole(self.channels.iter().copied().filter(move |channel| is(channel.base_name(), name)));
-        of_name(|own, name| own == name).or_else(|| of_name(str::eq_ignore_ascii_case))
-    }
-
-    /// Returns the channels R G B, or else X Y Z, or else the only channel except A, with the meaning of their values. `None` if the layer
-    /// has none of these.
+    /// The channels R G B, X Y Z, or the only channel except A. `None` if the layer has none of these.
     fn picture(&self) -> Option<(Content, [&'a Channel; 3])> {
-        let three = |[a, b, c]: [&str; 3]| Some([self.channel(a)?, self.channel(b)?, self.channel(c)?]);
+        let of = &self.channels;
+        let three = |[a, b, c]: [&str; 3]| Some([of.with_base(a)?, of.with_base(b)?, of.with_base(c)?]);
         if let Some(colour) = three(["R", "G", "B"]) {
             return Some((Content::Colour, colour));
         }
         if let Some(vector) = three(["X", "Y", "Z"]) {
             return Some((Content::Vector, vector));
         }
-        let value = sole(self.channels.iter().copied().filter(|channel| !channel.base_name().eq_ignore_ascii_case("A")))?;
-        Some((Content::Value, [value; 3]))
+        Some((Content::Value, [of.single()?; 3]))
     }
 
     fn is_colour(&self) -> bool {
@@ -60,13 +52,7 @@ impl<'a> Layer<'a> {
     }
 }
 
-/// Returns the item of an iterator that has exactly one item; `None` for other iterators.
-fn sole<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
-    let first = items.next()?;
-    items.next().is_none().then_some(first)
-}
-
-/// Reads a picture. `wanted` is the name of a layer. If it is `None`, `only` chooses the layer.
+/// Reads a picture. `wanted` = the layer; `None` = the channels that belong to no layer or, if they form no picture, the only layer that does.
 ///
 /// # Errors
 /// The message is one clause that does not contain the name of the file.
@@ -78,7 +64,7 @@ pub(super) fn read(input: impl BufRead + Seek, wanted: Option<&str>) -> Result<I
         None => only(&layers)?,
     };
     let Some((content, channels)) = layer.picture() else {
-        let names = list(layer.channels.iter().map(|channel| channel.base_name()));
+        let names = list(layer.channels.0.iter().map(|channel| channel.base_name()));
         return Err(format!(
             "{} has channels {names}: choose a layer with the channels R G B or X Y Z, or with a single channel",
             layer.title()
@@ -138,11 +124,11 @@ fn layers(parts: &[Part]) -> Vec<Layer<'_>> {
         let mut places: HashMap<String, usize> = HashMap::new();
         for channel in &part.channels {
             let place = *places.entry(layer_name(&part.name, channel.layer())).or_insert_with_key(|name| {
-                layers.push(Layer { name: name.clone(), part, channels: Vec::new() });
+                layers.push(Layer { name: name.clone(), part, channels: Channels::default() });
                 layers.len() - 1
             });
             if let Some(layer) = layers.get_mut(place) {
-                layer.channels.push(channel);
+                layer.channels.0.push(channel);
             }
         }
     }
@@ -210,7 +196,7 @@ fn alpha<'a>(layers: &[Layer<'a>], layer: &Layer<'a>) -> Option<&'a Channel> {
     // A different part can be used only if it has the same windows. Otherwise its samples belong to different pixels.
     let same_windows =
         |other: &&Layer<'a>| other.part.data_window == layer.part.data_window && other.part.display_window == layer.part.display_window;
-    same_part.chain(of_main.filter(same_windows)).find_map(|other| other.channel("A")).or_else(|| layer.channel("A"))
+    same_part.chain(of_main.filter(same_windows)).find_map(|other| other.channels.with_base("A")).or_else(|| layer.channels.with_base("A"))
 }
 
 /// Joins names from a file on one line. If there are more than `NAMES`, the rest is only counted.

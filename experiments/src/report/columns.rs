@@ -220,13 +220,13 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
 }
 
 /// Compares the counted fetches of single flavours with their promises. Returns one row for each pair of view and flavour. If several choices have
-/// this pair, the choice with the largest deviation is returned.
+/// this pair, the choice with the largest deviation is returned, or one whose count is NaN. Choices without a count are left out.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
         .summaries
         .iter()
-        .filter(|s| s.key.is_flavour() && is_fc5(s) && counted(s).is_finite())
+        .filter(|s| s.key.is_flavour() && is_fc5(s) && s.number(FETCHES).is_some())
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
         .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
@@ -263,8 +263,9 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
     let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
     let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
     let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
-    let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
-    let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
+    let named = || stochastic().zip(names.iter().map(String::as_str));
+    let biases = named().filter_map(|(s, name)| s.number(BIAS).map(|bias| (bias.value, bias.standard_error, name)));
+    let variances = named().filter_map(|(s, name)| Some((s.number(VARIANCE)?.value, s.number(THEORY)?.value, s.error(VARIANCE), name)));
     // The number of values from which each standard error is computed.
     let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);

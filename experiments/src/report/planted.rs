@@ -110,8 +110,10 @@ fn faults() -> Vec<Fault> {
         row(run, "fetches_per_px", Flavour::FarAtlas.name()).value = value;
     };
     add("promises", "too many fetches of the far atlas", [3.0 + 0.01, (3.0f64 + 0.01).next_up()], Box::new(modulated));
-    // The largest bias must be less than its standard error times the number that `limit` returns. The planted bias is this product times
-    // `share`, so a share just below 1 passes, and a share just above 1 fails.
+    let count_of_splat = |run: &mut RunData, value: f64| row(run, "fetches_per_px", "splat").value = value;
+    let of_splat = f64::from(Estimator::Fc5.promised_fetches(Flavour::Splat));
+    add("promises", "a count of NaN", [of_splat, f64::NAN], Box::new(count_of_splat));
+    // The largest bias must be less than the limit times its standard error. The sizes are shares of the limit.
     for sign in [1.0, -1.0] {
         let bias = move |run: &mut RunData, share: f64| {
             let limit = limit(run);
@@ -120,8 +122,21 @@ fn faults() -> Vec<Fault> {
         };
         add("bias", "a bias", [1.0 - 1e-9, 1.0 + 1e-9], Box::new(bias));
     }
-    // The ratio of measured and predicted variance must lie between 0.8 and 1.25, both excluded. The standard error is 1 % of the predicted
-    // variance, so chance cannot explain a deviation of 20 % or more.
+    let no_bias = |run: &mut RunData, value: f64| row(run, "bias", "auto").value = value;
+    add("bias", "a bias of NaN", [0.0, f64::NAN], Box::new(no_bias));
+    let error_of_bias = |run: &mut RunData, error: f64| {
+        let row = row(run, "bias", "auto");
+        (row.value, row.standard_error) = (0.0, Some(error));
+    };
+    add("bias", "a standard error of NaN", [1.0, f64::NAN], Box::new(error_of_bias));
+    let predicted = |run: &mut RunData, value: f64| {
+        row(run, "variance_theory", "auto").value = value;
+        let measured = row(run, "variance", "auto");
+        (measured.value, measured.standard_error) = (PREDICTED, Some(0.01 * PREDICTED));
+    };
+    add("variance", "a predicted variance of NaN", [PREDICTED, f64::NAN], Box::new(predicted));
+    // The ratio of measured and predicted variance must lie between 0.8 and 1.25, both excluded: 1.2499999999999998 passes, 1.25 fails. The
+    // standard error is 1 % of the variance, so no such deviation is chance.
     let ratio = |run: &mut RunData, ratio: f64| {
         row(run, "variance_theory", "auto").value = PREDICTED;
         let measured = row(run, "variance", "auto");

@@ -1,6 +1,7 @@
 //! Writes files and folders atomically: each appears complete or not at all.
 
-use std::fs;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::base::error::{Error, Result};
@@ -41,10 +42,73 @@ fn target(file: &Path) -> Result<PathBuf> {
 }
 
 /// A folder that is filled under a temporary name, next to its final path. It is removed if [`WholeFolder::finish`] is not called.
+///
+/// A process that is killed leaves the temporary folder behind. While a process fills it, a file beside it is locked, so [`remove_unfinished`] can
+/// tell the two apart.
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
+    /// The lock. `None` only while the value is dropped.
+    lock: Option<File>,
 }
+
+/// Where a folder with this path is made: its path without a link at the end, and the beginning of the paths of its temporary folders.
+///
+/// # Errors
+/// The path does not end in a name.
+fn temporary_beside(place: &Path) -> Result<(PathBuf, PathBuf)> {
+    // A link to an empty folder keeps its name.
+    let place = if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
+    let Some(name) = place.file_name() else {
+        return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
+    };
+    let parent = place.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let begin = parent.join(format!(".{}.part-", name.to_string_lossy()));
+    Ok((place, begin))
+}
+
+/// The path with an ending.
+fn with(path: &Path, end: &str) -> PathBuf {
+    let mut path = path.as_os_str().to_owned();
+    path.push(end);
+    PathBuf::from(path)
+}
+
+/// Removes the temporary folders of a [`WholeFolder`] with this final path that processes left behind when they were killed. Those that a process
+/// fills at the moment are kept. Returns the removed folders.
+///
+/// # Errors
+/// `place` does not end in a name, or such a folder cannot be removed.
+pub fn remove_unfinished(place: &Path) -> Result<Vec<PathBuf>> {
+    let (_, begin) = temporary_beside(place)?;
+    let (Some(parent), Some(begin)) = (begin.parent(), begin.file_name()) else { return Ok(Vec::new()) };
+    let begin = begin.to_string_lossy();
+    let mut removed = Vec::new();
+    for entry in fs::read_dir(parent).into_iter().flatten().filter_map(std::result::Result::ok) {
+        let path = entry.path();
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        if !name.strip_prefix(&*begin).is_some_and(is_number) || path.is_symlink() || !path.is_dir() {
+            continue;
+        }
+        let lock = with(&path, LOCK_END);
+        let is_in_use = match File::open(&lock) {
+            Ok(file) => file.try_lock().is_err(),
+            Err(error) => error.kind() != ErrorKind::NotFound,
+        };
+        if !is_in_use {
+            fs::remove_dir_all(&path).map_err(failed(&path))?;
+            // The lock is useless without its folder; where it cannot be removed, it does no harm.
+            let _ = fs::remove_file(&lock);
+            removed.push(path);
+        }
+    }
+    removed.sort();
+    Ok(removed)
+}
+
+/// End of the name of the file that is locked while a temporary folder is filled.
+const LOCK_END: &str = ".lock";
 
 impl WholeFolder {
     /// Creates a temporary folder next to `place`; [`WholeFolder::finish`] renames it to `place`.
@@ -52,15 +116,20 @@ impl WholeFolder {
     /// # Errors
     /// `place` does not end in a name, or the temporary folder cannot be created.
     pub fn beside(place: &Path) -> Result<WholeFolder> {
-        // If `place` is a link, the folder to which it leads is replaced, and the link stays.
-        let place = &if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
-        let Some(name) = place.file_name() else {
-            return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
-        };
-        let parent = place.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let temporary = parent.join(format!(".{}.part-{}", name.to_string_lossy(), std::process::id()));
-        fs::create_dir_all(&temporary).map_err(failed(&temporary))?;
-        Ok(WholeFolder { temporary, place: place.to_owned() })
+        let (place, begin) = temporary_beside(place)?;
+        let temporary = with(&begin, &std::process::id().to_string());
+        let lock_file = with(&temporary, LOCK_END);
+        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&lock_file).map_err(failed(&lock_file))?;
+        if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(Error::Request(format!("{} is being written already: choose another folder", place.display())));
+        }
+        let made = WholeFolder { temporary, place, lock: Some(lock) };
+        // What a killed process with the same number left there must not become a part of the folder.
+        if made.temporary.exists() {
+            fs::remove_dir_all(&made.temporary).map_err(failed(&made.temporary))?;
+        }
+        fs::create_dir_all(&made.temporary).map_err(failed(&made.temporary))?;
+        Ok(made)
     }
 
     /// The temporary folder, to write into.
@@ -85,5 +154,8 @@ impl Drop for WholeFolder {
     fn drop(&mut self) {
         // Errors are ignored, because the temporary folder does not exist after `finish`. A folder that cannot be removed is left behind.
         drop(fs::remove_dir_all(&self.temporary));
+        // Some systems cannot remove a file that is open.
+        drop(self.lock.take());
+        drop(fs::remove_file(with(&self.temporary, LOCK_END)));
     }
 }

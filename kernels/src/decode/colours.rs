@@ -37,8 +37,18 @@ pub struct CodePoints {
 }
 
 impl Colours {
-    /// Reads the statements of a PNG file about its colours. Their precedence follows PNG (third edition), "Color chunk precedence": code
-    /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
+    /// What else a file says about its colours and is not applied, in words: code points that are not those of sRGB, or an ICC profile. `profile`:
+    /// the ICC profile of the file. Code points count before a profile (PNG, third edition, "Color chunk precedence").
+    pub fn unapplied(&self, profile: Option<&[u8]>) -> Option<String> {
+        match (&self.code_points, profile) {
+            (Some(points), _) => (!points.is_srgb).then(|| points.text.clone()),
+            (None, Some(profile)) => unapplied_profile(profile),
+            (None, None) => None,
+        }
+    }
+
+    /// Reads what a PNG says about its colours. PNG (third edition), "Color chunk precedence": code points (cICP), then a profile (iCCP), then sRGB,
+    /// then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
     pub fn of_png(input: impl BufRead + Seek) -> Result<Colours, png::DecodingError> {
         let decoder = png::Decoder::new_with_limits(input, png::Limits { bytes: MAX_INFO_BYTES });
         let reader = decoder.read_info()?;
@@ -71,8 +81,8 @@ impl Colours {
     }
 }
 
-/// The name of an ICC profile, for a message; `None` if the profile is sRGB, so that nothing needs to be applied.
-pub fn unapplied_profile(profile: &[u8]) -> Option<String> {
+/// An ICC profile in words; `None` if it is known to be sRGB, so that nothing needs to be applied.
+fn unapplied_profile(profile: &[u8]) -> Option<String> {
     match description(profile) {
         Some(name) if SRGB_PROFILES.contains(&name.as_str()) => None,
         Some(name) => Some(format!("the ICC profile `{}`", one_line(&name))),
@@ -127,6 +137,17 @@ mod tests {
         assert_eq!(colours(1 << 10).unwrap(), Colours::default());
         // 2^25 pixels of 8 bytes are 256 MiB, and the limit is 64 MiB.
         assert!(matches!(colours(1 << 25), Err(png::DecodingError::LimitsExceeded)));
+    }
+
+    #[test]
+    fn code_points_count_before_a_profile() {
+        let points =
+            |is_srgb: bool| Colours { code_points: Some(CodePoints { is_srgb, text: "primaries 9".to_owned() }), ..Colours::default() };
+        let profile = profile(b"desc\0\0\0\0\0\0\0\x02P\0");
+        assert_eq!(points(false).unapplied(Some(&profile)).as_deref(), Some("primaries 9"));
+        assert_eq!((points(true).unapplied(Some(&profile)), points(true).unapplied(None)), (None, None));
+        assert_eq!(Colours::default().unapplied(Some(&profile)).as_deref(), Some("the ICC profile `P`"));
+        assert_eq!(Colours::default().unapplied(None), None);
     }
 
     #[test]

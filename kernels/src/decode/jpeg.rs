@@ -10,7 +10,7 @@ use super::fault::Fault;
 ///
 /// # Errors
 /// [`Fault::Damaged`]: the file ends before EOI, or there is no scan (SOS, B.2.3) before EOI.
-pub fn check_end(bytes: &[u8]) -> Result<(), Fault> {
+pub(super) fn check_end(bytes: &[u8]) -> Result<(), Fault> {
     let mut rest = bytes;
     let mut has_scan = false;
     // In the data of a scan, FF is followed by 00 or by a marker RST (FFD0 to FFD7; B.1.1.2, B.1.1.5). FF may also be repeated before a marker.

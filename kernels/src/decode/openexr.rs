@@ -100,20 +100,56 @@ impl Channel {
     pub fn layer(&self) -> &str {
         self.name.rsplit_once('.').map_or("", |(layer, _)| layer)
     }
+
+    /// Whether the channel is alpha: its base name is A or a.
+    pub fn is_alpha(&self) -> bool {
+        self.base_name().eq_ignore_ascii_case("A")
+    }
+}
+
+/// Channels of which some are chosen by their names.
+#[derive(Clone, Debug, Default)]
+pub struct Channels<'a>(
+    /// The channels, in the order of the file.
+    pub Vec<&'a Channel>,
+);
+
+impl<'a> Channels<'a> {
+    /// The only channel for which `is` holds; None if there is none or more than one.
+    fn only(&self, is: impl Fn(&Channel) -> bool) -> Option<&'a Channel> {
+        let mut found = self.0.iter().copied().filter(|channel| is(channel));
+        found.next().filter(|_| found.next().is_none())
+    }
+
+    /// The channel with this base name; None if there is none or more than one. A name in the same case counts before names in another case, because
+    /// programs write R G B or r g b.
+    pub fn with_base(&self, name: &str) -> Option<&'a Channel> {
+        self.only(|channel| channel.base_name() == name).or_else(|| self.only(|channel| channel.base_name().eq_ignore_ascii_case(name)))
+    }
+
+    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name, in any case, counts before base names: "Y" is
+    /// the channel "Y", even if there is a channel "mask.Y".
+    pub fn named(&self, name: &str) -> Option<&'a Channel> {
+        self.only(|channel| channel.name == name)
+            .or_else(|| self.only(|channel| channel.name.eq_ignore_ascii_case(name)))
+            .or_else(|| self.with_base(name))
+    }
+
+    /// The only channel that is not alpha.
+    pub fn single(&self) -> Option<&'a Channel> {
+        self.only(|channel| !channel.is_alpha())
+    }
 }
 
 impl Part {
-    /// The channel with this name; `None` if there is no such channel, or more than one. The name is compared with the full names of the
-    /// channels, then with the full names without regard to case, then with the base names without regard to case. So "Y" is the channel
-    /// "Y", even if there is a channel "mask.Y".
+    /// All channels, to choose from them.
+    pub fn all(&self) -> Channels<'_> {
+        Channels(self.channels.iter().collect())
+    }
+
+    /// The channel with this name, see [`Channels::named`].
     pub fn channel(&self, name: &str) -> Option<&Channel> {
-        let only = |is: &dyn Fn(&Channel) -> bool| {
-            let mut found = self.channels.iter().filter(|channel| is(channel));
-            found.next().filter(|_| found.next().is_none())
-        };
-        only(&|channel| channel.name == name)
-            .or_else(|| only(&|channel| channel.name.eq_ignore_ascii_case(name)))
-            .or_else(|| only(&|channel| channel.base_name().eq_ignore_ascii_case(name)))
+        self.all().named(name)
     }
 }
 
@@ -511,9 +547,17 @@ mod tests {
             (&["Y", "y"][..], "y", Some("y")),
             (&["a.Y", "b.Y"][..], "Y", None),
             (&["a.Y", "b.Y"][..], "Z", None),
+            (&["a.Y", "b.y"][..], "Y", Some("a.Y")),
         ] {
             assert_eq!(part(names).channel(wanted).map(|channel| channel.name.as_str()), found, "{wanted} of {names:?}");
         }
+        let chosen = |names: &[&str], choose: fn(&Channels<'_>) -> Option<String>| choose(&part(names).all());
+        let base: fn(&Channels<'_>) -> Option<String> = |all| all.with_base("Y").map(|channel| channel.name.clone());
+        assert_eq!(chosen(&["Y", "mask.Y"], base), None, "base names alone do not tell these apart");
+        assert_eq!([chosen(&["y", "X"], base), chosen(&["y", "a.Y"], base)], [Some("y".to_owned()), Some("a.Y".to_owned())]);
+        let single: fn(&Channels<'_>) -> Option<String> = |all| all.single().map(|channel| channel.name.clone());
+        assert_eq!([chosen(&["A", "Z"], single), chosen(&["x.a", "x.Z"], single)], [Some("Z".to_owned()), Some("x.Z".to_owned())]);
+        assert_eq!([chosen(&["A"], single), chosen(&["Y", "Z"], single)], [None, None]);
     }
 
     #[test]

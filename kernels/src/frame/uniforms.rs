@@ -1,7 +1,7 @@
 //! The uniforms of a request: the values of a frame that every stage gets.
 
 use bytemuck::bytes_of;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::classification;
 use crate::frame::{RenderRequest, Renderer, VariantChoice};
@@ -26,10 +26,13 @@ impl Renderer<'_> {
         let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
         let sun_direction = DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
         let f = |v: DVec3| v.as_vec3().to_array();
+        let layout = self.world.layout();
+        let local_origin = view.sector.as_dvec2() * layout.sector_m - layout.world_m() / 2.0;
+        let half_extent = DVec2::from_array(self.world.extent_m()) / 2.0;
         FrameUniforms {
             clip_from_local: view.clip_from_local_f32().to_cols_array_2d(),
             camera: f(view.camera),
-            sector_m: self.world.layout().sector_m as f32,
+            sector_m: layout.sector_m as f32,
             ray_00: f(view.ray_00),
             near_m: NEAR_M as f32,
             ray_dx: f(view.ray_dx),
@@ -61,6 +64,8 @@ impl Renderer<'_> {
             sample_pattern: request.shading.sample_pattern.code(),
             sky_horizon: sky.horizon.map(|v| v as f32),
             normals: request.geometry.normals.code(),
+            data_low: (-half_extent - local_origin).as_vec2().to_array(),
+            data_high: (half_extent - local_origin).as_vec2().to_array(),
         }
     }
 }

@@ -2,6 +2,8 @@
 
 // Whether the scene has holes. If not, the fetch and the discard for holes are compiled out.
 override HAS_HOLES: bool = false;
+// Whether the ground may end inside the world, at the edge of a heightmap. If not, the move of vertices to this edge is compiled out.
+override HAS_EDGE: bool = false;
 
 struct Patch {
     node_origin: vec2<f32>,     // south-west corner of the node in local coordinates, metres
@@ -30,11 +32,21 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     let in_patch = vec2<u32>(vertex % 17u, vertex / 17u);
     let index = geometry_stitch(p.patch_xy * 16u + in_patch, p.deltas);
     let height = textureLoad(height_atlas, index, p.slot, 0).r;
-    let local = vec3<f32>(p.node_origin + vec2<f32>(index) * p.spacing, frame.height_low_m + height * frame.height_span_m);
+    let at = p.node_origin + vec2<f32>(index) * p.spacing;
+    var drawn = at;
+    var in_node = vec2<f32>(index);
+    if HAS_EDGE {
+        // A vertex beyond the data is drawn at the nearest point of the data; the atlas holds the height there. This comes after stitching and
+        // depends on the position alone, so nodes on both sides of a border move their common vertices to the same place. Triangles beyond the data
+        // keep no area, except those that stitching stretches into the data, which close the gap to a coarser node.
+        drawn = clamp(at, frame.data_low, frame.data_high);
+        in_node += (drawn - at) / p.spacing;
+    }
+    let local = vec3<f32>(drawn, frame.height_low_m + height * frame.height_span_m);
     var out: GeometryVarying;
     out.clip = frame.clip_from_local * vec4<f32>(local, 1.0);
     out.relative = local - frame.camera;
-    out.node_uv = vec2<f32>(index) / f32(GEOMETRY_NODE_QUADS);
+    out.node_uv = in_node / f32(GEOMETRY_NODE_QUADS);
     out.slot = p.slot;
     out.hole = 0.0;
     if HAS_HOLES && textureLoad(albedo_atlas, index + 2u, p.slot, 0).a < 0.5 {

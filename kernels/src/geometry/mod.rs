@@ -1,8 +1,9 @@
 //! Geometry pass: draws all visible patches with one draw call, into depth, stencil, classification mask and two normals.
 //!
-//! Reads the patch list and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`), stencil (1 = terrain),
-//! mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, one instance per patch.
-//! Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in `ARCHITECTURE.md`.
+//! Reads the patch list, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`),
+//! stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, one
+//! instance per patch. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
+//! `ARCHITECTURE.md`.
 
 use std::sync::OnceLock;
 
@@ -53,7 +54,7 @@ impl Targets {
 pub struct Geometry {
     shader: Shader,
     pipeline_layout: wgpu::PipelineLayout,
-    has_holes: bool,
+    ground: Ground,
     /// Pipeline for normals of 32 bits.
     pipeline: wgpu::RenderPipeline,
     /// Pipeline for normals of 128 bits. It is created when a picture first needs it.
@@ -61,6 +62,13 @@ pub struct Geometry {
     layout: wgpu::BindGroupLayout,
     /// Index buffer of a patch and its number of indices, by log2 of the vertex stride.
     indices: [(wgpu::Buffer, u32); STRIDES.len()],
+}
+
+/// What the ground of a scene has, and its pipeline therefore does.
+#[derive(Clone, Copy)]
+struct Ground {
+    has_holes: bool,
+    has_edge: bool,
 }
 
 /// Possible vertex strides. A stride of n draws every n-th vertex along the side of a patch.
@@ -102,10 +110,10 @@ fn pipeline(
     gpu: &Gpu,
     shader: &Shader,
     layout: &wgpu::PipelineLayout,
-    has_holes: bool,
+    ground: Ground,
     normals: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
-    let overrides = [("HAS_HOLES", f64::from(u8::from(has_holes)))];
+    let overrides = [("HAS_HOLES", ground.has_holes), ("HAS_EDGE", ground.has_edge)].map(|(name, has)| (name, f64::from(u8::from(has))));
     let stencil = wgpu::StencilFaceState { pass_op: wgpu::StencilOperation::Replace, ..Default::default() };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("geometry"),
@@ -161,17 +169,17 @@ impl Stage for Geometry {
 
     fn build(build: Build<'_>) -> Result<Geometry> {
         let Build { gpu, frame: frame_layout, terrain, demands, .. } = build;
-        let has_holes = demands.holes;
+        let ground = Ground { has_holes: demands.holes, has_edge: demands.edge };
         let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage]);
         let pipeline_layout = gpu.pipeline_layout("geometry", &[frame_layout, &terrain.layout, &layout]);
-        let pipeline = pipeline(gpu, &shader, &pipeline_layout, has_holes, NormalEncoding::default().format());
+        let pipeline = pipeline(gpu, &shader, &pipeline_layout, ground, NormalEncoding::default().format());
         let indices = STRIDES.map(|stride| {
             let indices = patch_indices(stride);
             let count = u32::try_from(indices.len()).unwrap_or(0);
             (gpu.buffer_with("patch indices", wgpu::BufferUsages::INDEX, cast_slice(&indices)), count)
         });
-        Ok(Geometry { shader, pipeline_layout, has_holes, pipeline, exact: OnceLock::new(), layout, indices })
+        Ok(Geometry { shader, pipeline_layout, ground, pipeline, exact: OnceLock::new(), layout, indices })
     }
 }
 
@@ -181,7 +189,7 @@ impl Geometry {
         if normals == NormalEncoding::default().format() {
             return &self.pipeline;
         }
-        self.exact.get_or_init(|| pipeline(gpu, &self.shader, &self.pipeline_layout, self.has_holes, normals))
+        self.exact.get_or_init(|| pipeline(gpu, &self.shader, &self.pipeline_layout, self.ground, normals))
     }
 
     /// Records the pass. `stride`: one of [`STRIDES`].

@@ -1,4 +1,9 @@
-//! Stitching of vertices: the reference for `geometry_stitch`, written from the talk (Moore, GDC 2018) and from ruling 8 in `ARCHITECTURE.md`.
+//! Where vertices are drawn, in f64. [`weld`] and [`stitch`] are the references for `geometry_stitch`, written from the talk (Moore, GDC 2018) and
+//! from ruling 8 in `ARCHITECTURE.md`. [`place`] and [`vertex`] are the reference for the positions of `geometry_vertex`.
+
+use glam::{DVec2, DVec3};
+
+use crate::world::{NodeId, World};
 
 /// Moves a vertex along a border of its node. `index`: index of the vertex along the border, 0..=128. The neighbour beyond the border is `delta`
 /// levels coarser. Returns the nearest index at which the neighbour has a vertex; the lower index if two are equally near.
@@ -27,4 +32,17 @@ pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
         0
     } & 15;
     [weld(x, along_x), weld(y, along_y)]
+}
+
+/// Horizontal position at which vertex `index` (0..=128, already stitched) of a node is drawn, world metres: in its node, and moved to the edge of
+/// the data if it lies beyond.
+pub fn place(world: &World, node: NodeId, index: [u32; 2]) -> DVec2 {
+    let layout = world.layout();
+    let at = node.origin_m(layout) + DVec2::from_array(index.map(f64::from)) * layout.spacing_m(node.lod);
+    DVec2::from_array(world.drawn_at(at.to_array()))
+}
+
+/// Position at which vertex `index` (0..=128, already stitched) of a node is drawn, world metres.
+pub fn vertex(world: &World, node: NodeId, index: [u32; 2]) -> DVec3 {
+    place(world, node, index).extend(world.vertex_elevation_m(node, index))
 }

@@ -36,8 +36,8 @@ pub struct ImportOptions {
     /// Size of one repeat of every texture, metres. `None`: each size is taken from the names of folders and files or, if no name states
     /// it, from the kind of ground.
     pub tile_m: Option<f64>,
-    /// Limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With 0, no relief is
-    /// added, and the finest LOD follows from the resolution of the data.
+    /// Limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With 0, no relief
+    /// is added, and the finest LOD follows from the resolution of the data.
     pub detail_m: f64,
 }
 
@@ -58,9 +58,8 @@ pub struct Understood {
 /// `stopped`: called several times; returns whether the user wants to stop.
 ///
 /// # Errors
-/// The errors of [`read`]; [`Error::Heightmap`] if nothing of the map would be drawn, or if there are too many samples without data for
-/// holes; [`Error::Request`] if `detail_m` is negative, or if the user stopped; the errors of [`materials::survey`] and
-/// [`MaterialSurvey::with_tile_m`].
+/// The errors of [`read`]; [`Error::Heightmap`] if too many samples without data shall become holes; [`Error::Request`] if `detail_m` is negative, or
+/// if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
 pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {
@@ -68,13 +67,13 @@ pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> boo
     }
     materials::go_on(stopped)?;
     let Reading { map, mut report, holes } = read(source, &options.read)?;
-    let wrong = |what: String| Error::Heightmap { file: source.to_owned(), what };
-    report.notes.extend(undrawn(&map, detail_m).map_err(wrong)?);
+    report.notes.extend(note_of_fine_samples(&map, detail_m));
     if holes.len() > MAX_HOLES {
-        return Err(wrong(format!(
+        let what = format!(
             "{} samples have no data, but a scene can have at most {MAX_HOLES} holes; fill them with --fill-voids, or give a --window with fewer",
             holes.len()
-        )));
+        );
+        return Err(Error::Heightmap { file: source.to_owned(), what });
     }
     let materials = match &options.materials {
         Some(folder) => Some(materials::survey(folder, stopped)?.with_tile_m(options.tile_m)?),
@@ -106,37 +105,13 @@ pub fn import(source: &Path, options: &ImportOptions, out_dir: &Path) -> Result<
     examine(source, options, &|| false)?.write(out_dir, &|| false)
 }
 
-/// A note about the strips at the edges of a map that are not drawn; `None` if the whole map is drawn.
-///
-/// # Errors
-/// Nothing would be drawn.
-fn undrawn(map: &Heightmap, detail_m: f64) -> std::result::Result<Option<String>, String> {
+/// A note if samples are closer together than vertices can be.
+fn note_of_fine_samples(map: &Heightmap, detail_m: f64) -> Option<String> {
     let layout = Layout::of_heightmap(map, detail_m);
-    let extent = map.extent_m();
-    let drawn = layout.drawn_m(extent);
-    let vertices = layout.spacing_m(layout.finest_lod);
-    if drawn.iter().any(|&length| length <= 0.0) {
-        // The smallest map has two quads along each axis, one on each side of the centre.
-        let least = (2.0 * vertices / map.metres_per_texel).ceil() + 1.0;
-        return Err(format!(
-            "{} x {} samples are too few: they cover {} x {} m, but vertices are {vertices} m apart, so nothing would be drawn; give at least {least} x \
-             {least} samples, or a finer --detail, such as 0.1, with which vertices are {} m apart",
-            map.width,
-            map.height,
-            extent[0],
-            extent[1],
-            layout.spacing_m(0)
-        ));
-    }
-    let missing = [0, 1].map(|axis| (extent[axis] - drawn[axis]) / 2.0);
-    // A difference this small comes from rounding, so it needs no note.
-    if missing.iter().all(|&length| length < 1e-6 * vertices) {
-        return Ok(None);
-    }
-    Ok(Some(format!(
-        "{:.2} m at the western and eastern edge and {:.2} m at the northern and southern edge are not drawn, because vertices are {vertices} m apart",
-        missing[0], missing[1]
-    )))
+    let (samples, vertices) = (map.metres_per_texel, layout.spacing_m(layout.finest_lod));
+    (samples < vertices).then(|| {
+        format!("samples are {samples} m apart, but vertices cannot be closer together than {vertices} m; finer relief is not drawn")
+    })
 }
 
 /// The hole at a sample without data. The sample is given by its column and row.
@@ -172,10 +147,9 @@ impl Understood {
         self.materials.as_ref().map_or(Ok(()), MaterialSurvey::check)
     }
 
-    /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest),
-    /// `scene.toml` (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials
-    /// have images, a folder `materials/` with the images that are used. The folder is made either completely or not at all. Returns
-    /// the scene as written.
+    /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest), `scene.toml`
+    /// (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder
+    /// `materials/` with those that are used. The folder is made either completely or not at all. Returns the scene as written.
     ///
     /// `stopped`: called several times; returns whether the user wants to stop. If so, no folder is left behind.
     ///

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
 use crate::frame::picture::AovSet;
 use crate::frame::{Frame, RenderRequest, Renderer, VariantChoice};
-use crate::geometry::reference::stitch;
+use crate::geometry::reference::{place, stitch, vertex};
 use crate::gpu::read_texture;
 use crate::quadtree::lod_map;
 use crate::scene::{Blend, Scene};
@@ -346,18 +346,13 @@ impl Spot {
         let layout = world.layout();
         let at = self.position.truncate();
         let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
-        let (origin, spacing) = (node.origin_m(layout), layout.spacing_m(node.lod));
-        let vertex = |v: DVec2| {
-            let index = ((v - origin) / spacing).round().to_array().map(|n| n as u32);
-            v.extend(world.vertex_elevation_m(node, index))
-        };
-        let normal = |flat: [DVec2; 3]| {
-            let [a, b, c] = flat.map(vertex);
+        let normal = |corners: [[u32; 2]; 3]| {
+            let [a, b, c] = corners.map(|corner| vertex(world, node, corner));
             let normal = (b - a).cross(c - a).try_normalize()?;
             (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some(normal)
         };
-        let holding =
-            triangles_near(node, layout, &lod_map(drawn), stride, at).into_iter().filter(|&flat| inside_m(flat, at) >= -self.beside_m);
+        let inside = |corners: &[[u32; 2]; 3]| inside_m(corners.map(|corner| place(world, node, corner)), at) >= -self.beside_m;
+        let holding = triangles_near(node, layout, &lod_map(drawn), stride, at).into_iter().filter(inside);
         let likeness = |normal: &DVec3| normal.dot(self.normal);
         let normal = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
         Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod) * f64::from(stride), normal: normal.to_array() })
@@ -365,11 +360,11 @@ impl Spot {
 }
 
 /// Returns the triangles of a node near a position: the triangles of the quads next to the position. If the position is next to a border of the node,
-/// the triangles of all quads along that border are included, because stitching moves vertices along borders. The corners of a triangle are
-/// horizontal world positions, metres, in counter-clockwise order if seen from above.
-fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
-    let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
-    let at = (at - origin) / spacing;
+/// the triangles of all quads along that border are included, because stitching moves vertices along borders. The corners of a triangle are indices
+/// of vertices, already stitched, in counter-clockwise order if seen from above.
+fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[[u32; 2]; 3]> {
+    let quads = u32::from(NODE_QUADS);
+    let at = (at - node.origin_m(layout)) / layout.spacing_m(node.lod);
     let edge = f64::from(stride);
     let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 * edge - at).abs() <= 1.5 * edge;
     let is_border = |quad: u32| quad == 0 || quad == quads - stride;
@@ -381,10 +376,7 @@ fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: D
                 continue;
             }
             let deltas = pack_deltas(node, [i / PATCH_QUADS, j / PATCH_QUADS], lods, stride);
-            let corner = |x: u32, y: u32| {
-                let [x, y] = stitch([i + x * stride, j + y * stride], deltas);
-                origin + DVec2::new(f64::from(x), f64::from(y)) * spacing
-            };
+            let corner = |x: u32, y: u32| stitch([i + x * stride, j + y * stride], deltas);
             let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
             let rises = diagonal_rises(i as usize / step, j as usize / step);
             triangles.extend(if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] });
@@ -535,7 +527,10 @@ mod tests {
                     share * layout.node_m(0)
                 };
                 let at = node.origin_m(&layout) + DVec2::new(along(0), along(1));
-                let inside: Vec<f64> = triangles_near(node, &layout, &lods, stride, at).into_iter().map(|t| inside_m(t, at)).collect();
+                let position =
+                    |[x, y]: [u32; 2]| node.origin_m(&layout) + DVec2::new(f64::from(x), f64::from(y)) * layout.spacing_m(node.lod);
+                let triangles = triangles_near(node, &layout, &lods, stride, at);
+                let inside: Vec<f64> = triangles.into_iter().map(|corners| inside_m(corners.map(position), at)).collect();
                 let on_a_side = inside.iter().any(|m| m.abs() < 1e-6);
                 let holding = inside.iter().filter(|m| **m > 0.0).count();
                 assert!(holding == 1 || on_a_side, "{holding} triangles at {at}");

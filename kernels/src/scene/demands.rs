@@ -1,5 +1,5 @@
-//! What a scene demands of the stages: flavours, holes, colour modulation, textures. The demands follow from the scene file alone, before any world
-//! data is read.
+//! What a scene demands of the stages: flavours, holes, an edge, colour modulation, textures. The demands follow from the scene file alone, before
+//! any world data is read.
 
 use std::collections::BTreeSet;
 
@@ -24,6 +24,9 @@ pub struct Demands {
     pub flavours: Vec<FlavourDemand>,
     /// Whether the terrain has holes. If so, the vertex stage reads the alpha of the baked albedo.
     pub holes: bool,
+    /// Whether the ground may end inside the world, as the ground of a heightmap does: the vertex stage then moves vertices beyond the data to their
+    /// edge.
+    pub edge: bool,
     /// Whether the colour modulation map is made and sampled.
     pub colour_modulation: bool,
     /// Anisotropy of detail textures, 1 = none.
@@ -37,16 +40,17 @@ pub struct Demands {
 impl Demands {
     /// The demands of a valid scene.
     pub fn of(scene: &Scene) -> Demands {
-        let (holes, colour_modulation) = match &scene.world {
-            World::Procedural { holes, colour_modulation, .. } => (!holes.is_empty(), *colour_modulation > 0.0),
-            // A heightmap always needs holes: there is no ground beyond its data, and the data seldom end exactly at the border of a sector.
-            World::Heightmap { colour_modulation, .. } => (true, *colour_modulation > 0.0),
+        let (holes, edge, colour_modulation) = match &scene.world {
+            World::Procedural { holes, colour_modulation, .. } => (holes, false, colour_modulation),
+            // The data of a heightmap seldom end exactly at the border of a sector.
+            World::Heightmap { holes, colour_modulation, .. } => (holes, true, colour_modulation),
         };
         let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
         Demands {
             flavours: flavours_of(scene),
-            holes,
-            colour_modulation,
+            holes: !holes.is_empty(),
+            edge,
+            colour_modulation: *colour_modulation > 0.0,
             anisotropy: scene.blend.anisotropy,
             detail_size: scene.detail_size,
             detail_layers: u32::try_from(sources.len()).expect("a valid scene has at most 256 materials"),

@@ -33,6 +33,8 @@ struct Frame {
     sample_pattern: u32,        // where each pixel is sampled: 0 = centre, 1 = left edge, 2 = top edge; see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
     normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
+    data_low: vec2<f32>,        // south-west corner of the data in local coordinates; for a procedural world, of the world
+    data_high: vec2<f32>,       // north-east corner of the data in local coordinates
 }
 
 // Encodings of the two normals. NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the

@@ -58,4 +58,6 @@ pub struct FrameUniforms {
     pub sample_pattern: u32,
     pub sky_horizon: [f32; 3],
     pub normals: u32,
+    pub data_low: [f32; 2],
+    pub data_high: [f32; 2],
 }

@@ -5,8 +5,11 @@
 //! (SYSTEMS A, the part of the talk on terrain data, and ruling 12 in `ARCHITECTURE.md`).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 //!
-//! Limits: a procedural world has holes only where its scene lists them. A world from a heightmap always has holes: the ground ends where
-//! the data end.
+//! The ground of a heightmap ends exactly where its data end, even between two vertices: [`World::drawn_at`] moves vertices beyond the data to the
+//! edge of the data.
+//!
+//! Limits: a world has holes only where its scene lists them. The quadtree covers whole sectors, so nodes at the edge of a heightmap have vertices
+//! and texels beyond the data, which repeat the edge of the data.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -110,13 +113,6 @@ impl Layout {
     pub fn of_heightmap(map: &Heightmap, detail_m: f64) -> Layout {
         let [width, depth] = map.extent_m();
         Layout::of(width.max(depth), (detail_m <= 0.0).then_some(map.metres_per_texel))
-    }
-
-    /// Width and depth, in metres, of the ground that is drawn at the finest LOD, if the data are `extent_m` wide and deep. A triangle is drawn only if
-    /// its three vertices lie within the data. A vertex lies at the centre of the data, so less than one spacing is missing at each edge.
-    pub fn drawn_m(&self, extent_m: [f64; 2]) -> [f64; 2] {
-        let spacing = self.spacing_m(self.finest_lod);
-        extent_m.map(|extent| 2.0 * spacing * (extent / 2.0 / spacing).floor())
     }
 
     /// Edge of a node, metres.
@@ -234,7 +230,8 @@ impl World {
         rules: Rules,
         material_count: usize,
     ) -> World {
-        let extent = map.extent_m();
+        let layout = Layout::of_heightmap(&map, detail_m);
+        let vertices_m = layout.spacing_m(layout.finest_lod);
         let spacing = map.metres_per_texel;
         let (low, high) = map.elevation_range_m();
         let mut footprint_m = MIN_FOOTPRINT_M;
@@ -242,9 +239,9 @@ impl World {
             footprint_m *= 2.0;
         }
         World {
-            layout: Layout::of_heightmap(&map, detail_m),
+            layout,
             height_range_m: (low - detail_m, high + detail_m),
-            half_extent_m: extent.map(|e| e / 2.0),
+            half_extent_m: map.extent_m().map(|length| on_vertex(length / 2.0, vertices_m)),
             footprint_m,
             source: Source::Data { relief: generator::Relief::new(seed, spacing), map: Arc::new(map), detail_m },
             holes,
@@ -273,12 +270,31 @@ impl World {
         self.half_extent_m.map(|h| 2.0 * h)
     }
 
+    /// Whether the ground may end inside the world: true for every heightmap. A procedural world fills all sectors.
+    pub fn has_edge(&self) -> bool {
+        matches!(self.source, Source::Data { .. })
+    }
+
+    /// Where a vertex at this position (metres) is drawn. If the world [has an edge](World::has_edge), a vertex beyond the data is drawn at the
+    /// nearest point of the data, with the elevation there. So the last triangles end exactly at the edge of the data, and triangles beyond it have
+    /// no area. The rule depends on the position alone: nodes that share a vertex draw it at the same place, whatever their LODs.
+    pub fn drawn_at(&self, at: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|axis| self.clipped(axis, at[axis]))
+    }
+
+    /// One coordinate of [`World::drawn_at`]. `axis`: 0 = x, 1 = y.
+    fn clipped(&self, axis: usize, coordinate: f64) -> f64 {
+        let half = self.half_extent_m[axis];
+        if self.has_edge() { coordinate.clamp(-half, half) } else { coordinate }
+    }
+
     /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside a heightmap, it is the elevation of the nearest
     /// point on the edge of the heightmap.
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
         let height = match &self.source {
             Source::Generated(generator) => generator.height_m(x, y),
             Source::Data { map, detail_m, relief } => {
+                let [x, y] = self.drawn_at([x, y]);
                 if *detail_m > 0.0 {
                     let (h, dx, dy) = map.sample(x, y);
                     h + relief.offset_m(x, y, h, (dx * dx + dy * dy).sqrt(), *detail_m)
@@ -328,17 +344,20 @@ impl World {
     }
 
     /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, and triangles with alternating diagonals (ruling 11 in
-    /// `ARCHITECTURE.md`). A position outside the world is moved to the edge of the world.
+    /// `ARCHITECTURE.md`). The result outside the data is that at the nearest point on the edge of the data.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
-        let last = self.layout.world_m() / spacing - 1.0;
-        let locate = |v: f64| {
-            let at = (v + half) / spacing;
-            let cell = at.floor().clamp(0.0, last);
-            (cell, (at - cell).clamp(0.0, 1.0))
+        // Cells count from the south-western corner of the world. The result is a cell, and the position in the part of it that has data, 0..=1. All
+        // divisions by 1 and by powers of two are exact, so cells without an edge are not affected by the edge of the data.
+        let locate = |v: f64, half_extent: f64| {
+            let [low, high] = [half - half_extent, half + half_extent].map(|edge| edge / spacing);
+            let at = ((v + half) / spacing).max(low).min(high);
+            let cell = at.floor().max(low.floor()).min(high.ceil() - 1.0);
+            let (start, end) = (cell.max(low), (cell + 1.0).min(high));
+            (cell, if end > start { ((at - start) / (end - start)).clamp(0.0, 1.0) } else { 0.0 })
         };
-        let ((i, u), (j, v)) = (locate(x), locate(y));
+        let ((i, u), (j, v)) = (locate(x, self.half_extent_m[0]), locate(y, self.half_extent_m[1]));
         let vertex = |di: f64, dj: f64| {
             let height = self.height_m((i + di) * spacing - half, (j + dj) * spacing - half);
             self.elevation_m(self.quantise(height))
@@ -370,8 +389,15 @@ impl World {
             })
     }
 
-    /// Whether a rectangle (south-west corner, north-east corner) certainly has no holes.
+    /// Whether a vertex at this position lies in a hole where it is drawn.
+    fn opens_at(&self, vertex: [f64; 2]) -> bool {
+        let [x, y] = self.drawn_at(vertex);
+        self.is_hole(x, y)
+    }
+
+    /// Whether certainly no vertex of a rectangle (south-west corner, north-east corner) lies in a hole where it is drawn.
     fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+        let [low, high] = [low, high].map(|corner| self.drawn_at(corner));
         let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
         let touched = |hole: &Hole| (0..2).all(|k| hole.centre[k] + hole.radius_m > low[k] && hole.centre[k] - hole.radius_m < high[k]);
         inside && !self.holes.iter().any(touched)
@@ -527,6 +553,13 @@ impl World {
         let (dx, dy) = (self.height_m(x + step, y) - h, self.height_m(x, y + step) - h);
         (dx * dx + dy * dy).sqrt() / step
     }
+}
+
+/// Returns the multiple of the vertex spacing that is equal to `length_m` except for rounding; `length_m` if there is none. Otherwise, an edge of the
+/// data that should lie on a line of vertices would add a row of triangles that are nearly as thin as the rounding.
+fn on_vertex(length_m: f64, vertices_m: f64) -> f64 {
+    let nearest = (length_m / vertices_m).round() * vertices_m;
+    if nearest > 0.0 && (nearest - length_m).abs() < 1e-6 * vertices_m { nearest } else { length_m }
 }
 
 /// Number of points along an edge of the grid that is scanned for the steepest slope.

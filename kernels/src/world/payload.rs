@@ -5,6 +5,9 @@
 //! drawn as rows of spikes. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to vertices of the coarser
 //! node. Both nodes must therefore have equal heights on the common edge, so heights on edges are never filtered.
 //!
+//! Vertices beyond the edge of a heightmap are drawn at this edge ([`World::drawn_at`]). They have the height of the edge, which is never filtered
+//! either: vertices that are drawn at the same place must have equal heights. Normals and cones use the distances between vertices as they are drawn.
+//!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
 //! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.
 
@@ -59,7 +62,7 @@ pub struct NodePayload {
     /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, whose z is above 0 (a coordinate v is stored as 0.5 v + 0.5);
     /// red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
-    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole.
+    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole, where it is drawn.
     pub albedo: Vec<u8>,
     /// BC1 132 x 132, linear; a value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
@@ -94,7 +97,7 @@ impl Ground {
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
-            grid.filter();
+            grid.filter(world);
         }
         Ground { id, grid, source, relief }
     }
@@ -126,11 +129,11 @@ pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: 
         id: *id,
         min_height: height.iter().copied().min().unwrap_or(0),
         max_height: height.iter().copied().max().unwrap_or(0),
-        normal: normals(grid, &looks),
+        normal: normals(world, grid, &looks),
         albedo: albedo(world, grid, &looks),
         colour_modulation: colour_modulation(world, grid),
         splat,
-        cones: cones::encode(&patch_normals(world, &height, grid.spacing)),
+        cones: cones::encode(&patch_normals(world, &height, grid)),
         height,
     }
 }
@@ -179,12 +182,24 @@ impl Grid {
         self.heights[j * GRID_SIDE + i]
     }
 
+    /// Distances, metres, between neighbouring vertices along an axis (0 = x, 1 = y) as they are drawn. Number k is that between vertices k and k + 1
+    /// of the working grid. Beyond the edge of a heightmap, it is 0.
+    fn steps(&self, world: &World, axis: usize) -> Vec<f64> {
+        let at = |k: usize| world.clipped(axis, self.vertex(k, k)[axis]);
+        (0..TEXTURE_SIDE).map(|k| at(k + 1) - at(k)).collect()
+    }
+
+    /// Whether a vertex and its eight neighbours all lie within the data, so that the vertex may be filtered.
+    fn is_inner(&self, world: &World, i: usize, j: usize) -> bool {
+        [self.vertex(i - 1, j - 1), self.vertex(i + 1, j + 1)].into_iter().all(|corner| world.drawn_at(corner) == corner)
+    }
+
     /// Applies [`filtered`] to every height that has neighbours on all sides.
-    fn filter(&mut self) {
+    fn filter(&mut self, world: &World) {
         let last = GRID_SIDE - 1;
         let mut heights = self.heights.clone();
         for j in 1..last {
-            for i in 1..last {
+            for i in (1..last).filter(|&i| self.is_inner(world, i, j)) {
                 heights[j * GRID_SIDE + i] = filtered(|i, j| self.height(i, j), i, j);
             }
         }
@@ -201,11 +216,12 @@ impl Grid {
         height
     }
 
-    /// Unit normal at the centre of texel (i, j), from the heights at its four corners.
-    fn normal(&self, i: usize, j: usize) -> [f64; 3] {
+    /// Unit normal at the centre of a texel, from the heights at its four corners. Column and row of the texel, each with the distance between its
+    /// corners, metres.
+    fn normal(&self, [(i, width), (j, depth)]: [(usize, f64); 2]) -> [f64; 3] {
         let [sw, se, nw, ne] = [self.height(i, j), self.height(i + 1, j), self.height(i, j + 1), self.height(i + 1, j + 1)];
-        let dx = (se - sw + ne - nw) / (2.0 * self.spacing);
-        let dy = (nw - sw + ne - se) / (2.0 * self.spacing);
+        let dx = (se - sw + ne - nw) / (2.0 * width);
+        let dy = (nw - sw + ne - se) / (2.0 * depth);
         crate::shared::real::normalize([-dx, -dy, 1.0])
     }
 }
@@ -231,7 +247,7 @@ pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f6
         world.height_m(x, y)
     };
     let (i, j) = (i as usize + BORDER, j as usize + BORDER);
-    if id.lod > layout.finest_lod { filtered(height, i, j) } else { height(i, j) }
+    if id.lod > layout.finest_lod && grid.is_inner(world, i, j) { filtered(height, i, j) } else { height(i, j) }
 }
 
 /// Returns the materials of the splat texels -1..=65.
@@ -369,12 +385,21 @@ fn unorm8(v: f64) -> u8 {
     (v * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
-fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
+/// For each column (or row) of texels, the column that gives its normals, and the distance between its corners, metres. A column without width lies
+/// beyond the edge of a heightmap, and repeats the nearest column that has a width: drawn ground at the edge is filtered with it.
+fn columns_with_ground(steps: &[f64]) -> Vec<(usize, f64)> {
+    let has_width = |k: &usize| steps[*k] > 0.0;
+    let first = (0..steps.len()).find(has_width).unwrap_or(0);
+    let last = (0..steps.len()).rfind(has_width).unwrap_or(steps.len() - 1);
+    (0..steps.len()).map(|k| k.clamp(first, last)).map(|k| (k, steps[k])).collect()
+}
+
+fn normals(world: &World, grid: &Grid, looks: &Looks) -> Vec<u8> {
+    let [columns, rows] = [0, 1].map(|axis| columns_with_ground(&grid.steps(world, axis)));
     let mut rgba = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE * 4);
-    for j in 0..TEXTURE_SIDE {
-        for i in 0..TEXTURE_SIDE {
-            let n = grid.normal(i, j);
-            let look = looks.texels[j * TEXTURE_SIDE + i];
+    for (looks, &row) in looks.texels.chunks_exact(TEXTURE_SIDE).zip(&rows) {
+        for (look, &column) in looks.iter().zip(&columns) {
+            let n = grid.normal([column, row]);
             let stored = |v: f64| unorm8(v * 0.5 + 0.5);
             rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
         }
@@ -402,8 +427,7 @@ fn albedo(world: &World, grid: &Grid, looks: &Looks) -> Vec<u8> {
     for j in 0..TEXTURE_SIDE {
         for i in 0..TEXTURE_SIDE {
             let look = looks.texels[j * TEXTURE_SIDE + i];
-            let [x, y] = grid.vertex(i, j);
-            let alpha = if whole || !world.is_hole(x, y) { 255 } else { 0 };
+            let alpha = if whole || !world.opens_at(grid.vertex(i, j)) { 255 } else { 0 };
             rgba.extend_from_slice(&[srgb8(look[0]), srgb8(look[1]), srgb8(look[2]), alpha]);
         }
     }
@@ -439,18 +463,24 @@ pub const fn diagonal_rises(i: usize, j: usize) -> bool {
     (i + j).is_multiple_of(2)
 }
 
-/// Unit normals of the two triangles of each quad, grouped by patch. They are computed from the quantised heights that are drawn.
-fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3]>> {
+/// Unit normals of the two triangles of each quad, grouped by patch. They are computed from the quantised heights that are drawn. Quads beyond the
+/// edge of a heightmap have no area and no normals.
+fn patch_normals(world: &World, height: &[u16], grid: &Grid) -> Vec<Vec<[f64; 3]>> {
     let quads = HEIGHT_SIDE - 1;
     let per_patch = quads / cones::PATCHES;
     let mut patches = vec![Vec::new(); cones::PATCHES * cones::PATCHES];
     let at = |i: usize, j: usize| world.elevation_m(height[j * HEIGHT_SIDE + i]);
+    let steps = [0, 1].map(|axis| grid.steps(world, axis));
     for j in 0..quads {
         for i in 0..quads {
+            let [width, depth] = [steps[0][i + BORDER], steps[1][j + BORDER]];
+            if width <= 0.0 || depth <= 0.0 {
+                continue;
+            }
             let patch = &mut patches[j / per_patch * cones::PATCHES + i / per_patch];
             let corners = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
             for [dx, dy] in triangle_gradients(corners, diagonal_rises(i, j)) {
-                patch.push(crate::shared::real::normalize([-dx / spacing, -dy / spacing, 1.0]));
+                patch.push(crate::shared::real::normalize([-dx / width, -dy / depth, 1.0]));
             }
         }
     }

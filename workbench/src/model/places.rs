@@ -46,6 +46,13 @@ fn degrees(radians: f64) -> f64 {
     nearest
 }
 
+/// The same direction as `yaw`, as an angle whose degrees are finite. A yaw that is too large for that, which only a file can hold, becomes an angle from
+/// -pi to pi.
+fn yaw_in_degrees(yaw: f64) -> f64 {
+    let (sin, cos) = yaw.sin_cos();
+    degrees(if yaw.to_degrees().is_finite() { yaw } else { sin.atan2(cos) })
+}
+
 /// Checks that a camera can have this pose.
 fn check(pose: Pose) -> Result<Pose, String> {
     if !pose.position.is_finite() || !pose.yaw.is_finite() {
@@ -76,7 +83,7 @@ impl From<Place> for CameraPose {
             name,
             position: pose.position.to_array(),
             above_ground: false,
-            yaw_deg: degrees(pose.yaw),
+            yaw_deg: yaw_in_degrees(pose.yaw),
             pitch_deg: degrees(pose.pitch),
             fov_deg: degrees(pose.fov),
         }
@@ -470,6 +477,15 @@ mod tests {
             }
             assert_eq!(bits(&once.pose)[..3], bits(&pose)[..3], "positions are exact");
             assert_eq!(bits(&read(&once).pose), bits(&once.pose), "a second conversion changes nothing");
+        }
+        // Degrees of such a yaw would be infinite. Its direction is kept.
+        for yaw in [f64::MAX, f64::MIN, 1e307] {
+            let place = Place { name: "far".to_owned(), pose: Pose { position: DVec3::ONE, yaw, pitch: 0.1, fov: 1.0 } };
+            let camera = CameraPose::from(place.clone());
+            assert!(camera.yaw_deg.is_finite());
+            let again = Place::try_from(camera).expect("it can be read back");
+            let apart = again.pose.axes()[2] - place.pose.axes()[2];
+            assert!(apart.length() < 1e-9, "{yaw}: {apart}");
         }
         let east = Place { name: "east".to_owned(), pose: Pose { position: DVec3::ONE, yaw: TAU / 4.0, pitch: 0.0, fov: TAU / 8.0 } };
         let camera = CameraPose::from(east.clone());

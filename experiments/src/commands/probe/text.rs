@@ -25,7 +25,7 @@ impl Text {
     /// Reads a table that should have these columns.
     ///
     /// # Errors
-    /// The file cannot be read, is not text, or states a delimiter that is not accepted.
+    /// The file cannot be read, is no text, names a delimiter that is none, or has a quote that is not closed.
     pub(super) fn read(path: &Path, columns: &[&str]) -> Result<Text> {
         let name = path.display();
         let bytes = fs::read(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;
@@ -33,7 +33,14 @@ impl Text {
         let text = decode(bytes).map_err(|what| anyhow!("{name} {what}"))?;
         let (stated, body) = stated_delimiter(&text).map_err(|what| anyhow!("{name} {what}"))?;
         let delimiter = stated.unwrap_or_else(|| delimiter_of(body, columns));
-        Ok(Text { body: body.to_owned(), delimiter, lines_before: u64::from(stated.is_some()), is_utf16 })
+        let lines_before = u64::from(stated.is_some());
+        if let Some(line) = open_quote(body, delimiter) {
+            return Err(anyhow!(
+                "{name}, line {}: the quote at the beginning of a cell is not closed: close it or remove it",
+                lines_before + line
+            ));
+        }
+        Ok(Text { body: body.to_owned(), delimiter, lines_before, is_utf16 })
     }
 
     /// Returns a description of the delimiter for messages.
@@ -107,9 +114,55 @@ fn delimiter_of(body: &str, columns: &[&str]) -> u8 {
     DELIMITERS.into_iter().max_by_key(fit).unwrap_or(b',')
 }
 
+/// The line, from 1, in which a quoted cell begins that has no end; `None` if all quotes are closed. The parser would read the rest of the table as one
+/// cell.
+///
+/// A quote opens a cell only as its first character. Inside, two quotes are one character (RFC 4180, section 2).
+fn open_quote(body: &str, delimiter: u8) -> Option<u64> {
+    let (mut line, mut opened) = (1, None);
+    let mut is_first = true;
+    let mut rest = body.chars().peekable();
+    while let Some(c) = rest.next() {
+        let is_break = c == '\n' || (c == '\r' && rest.peek() != Some(&'\n'));
+        line += u64::from(is_break);
+        if opened.is_some() {
+            if c == '"' && rest.next_if_eq(&'"').is_none() {
+                opened = None;
+                is_first = false;
+            }
+            continue;
+        }
+        if c == '"' && is_first {
+            opened = Some(line);
+        }
+        is_first = is_break || c == char::from(delimiter);
+    }
+    opened
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quotes_that_are_not_closed_are_found() {
+        for closed in
+            ["", "a,b\n1,2\n", "\"a\",\"b\"\n1,\"2\"", "\"a \"\"b\"\" c\",d", "a\"b,c\n1,2", "\"two\nlines\",b\n", "\"\",\"\"\"\"", "a \"b"]
+        {
+            assert_eq!(open_quote(closed, b','), None, "{closed:?}");
+        }
+        for (open, line) in [
+            ("\"a,b\n1,2\n", 1),
+            ("a,b\n1,\"2\n3,4\n", 2),
+            ("a,b\r\n1,2\r\n\"3,4", 3),
+            ("a\rb\r\"", 3),
+            ("\"a\"\"", 1),
+            ("\"x\ny\"\n\"z", 3),
+        ] {
+            assert_eq!(open_quote(open, b','), Some(line), "{open:?}");
+        }
+        assert_eq!((open_quote("a;\"b\n", b';'), open_quote("a;\"b\n", b',')), (Some(1), None));
+    }
 
     #[test]
     fn text_is_decoded() {

@@ -3,13 +3,13 @@
 use std::io::{BufRead, Seek};
 
 use super::depth::Depth;
-use super::options::{MAX_SIDE, ReadOptions};
-use super::raster::{Raster, Stored, crop};
+use super::options::{MAX_SIDE, NoData, ReadOptions};
+use super::raster::{Absent, Raster, Stored, crop};
 use super::scaling::Statement;
 use super::spacing::Spacing;
 use crate::base::error::one_line;
 use crate::decode::fault::Fault;
-use crate::decode::openexr::{self, Channel, Kind, Part, Window};
+use crate::decode::openexr::{self, Channel, Channels, Kind, Part, Window};
 
 /// Names of parts, layers and channels that hold heights, in lower case.
 const HEIGHTS: [&str; 7] = ["height", "heights", "elevation", "heightmap", "heightfield", "altitude", "dem"];
@@ -17,6 +17,9 @@ const HEIGHTS: [&str; 7] = ["height", "heights", "elevation", "heightmap", "heig
 const PLAIN: [&str; 3] = ["y", "z", "v"];
 /// Names of channels of colours, in lower case; `ry` and `by` are differences to the luminance `y`.
 const COLOURS: [&str; 5] = ["r", "g", "b", "ry", "by"];
+
+/// Largest difference from 0 and 1 that is taken for rounding: of alpha.
+const ALPHA_ROUNDING: f32 = 1e-4;
 
 /// Largest number of channels that a message lists.
 const LISTED: usize = 24;
@@ -39,9 +42,8 @@ impl Candidate<'_> {
         self.channel.base_name().to_lowercase()
     }
 
-    /// Whether the name says that the channel holds heights. The channel itself has one of the names of heights, or a part or layer with
-    /// such a name contains the channel. In the second case, the channel must be called like a single value or a colour, because such a
-    /// layer may also hold other data, such as `height.mask`.
+    /// Whether the channel is named after heights, or is in a part or layer that is, and has a name that heights may have there. Such a layer may
+    /// hold other data, too, such as `height.mask`.
     fn is_named(&self) -> bool {
         let base = self.base();
         let layer = self.channel.layer();
@@ -51,9 +53,9 @@ impl Candidate<'_> {
     }
 }
 
-/// Reads the channel that holds the heights: the one that the user names; the one whose part, layer or name says so; or the only
-/// channel apart from alpha. If red, green and blue are equal in all pixels, red is read. In all other cases, the file is refused with
-/// the list of its channels.
+/// Reads the channel that holds the heights: the one that the user names; the one whose part, layer or name says so; or the only one beside alpha.
+/// Red is read where it equals green and blue in all pixels. In all other cases, the file is refused with the list of its channels. A sample has no
+/// data where the alpha of its part and layer is 0.
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;
     let all: Vec<Candidate<'_>> =
@@ -83,10 +85,18 @@ pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<
     let shown = shown(part, &mut notes)?;
     let [width, height] = part.display_window.size;
     let window = options.window_of([width, height], false)?;
-    if channel.samples.len() != part.data_window.size[0] as usize * part.data_window.size[1] as usize {
-        return Err(Fault::Damaged(format!("channel `{name}` does not fill its data window")));
-    }
-    let samples = crop(channel.samples.clone(), part.data_window.size[0], shown);
+    let samples_of = |candidate: Candidate<'_>| {
+        let [stored_width, stored_height] = part.data_window.size;
+        if candidate.channel.samples.len() != stored_width as usize * stored_height as usize {
+            return Err(Fault::Damaged(format!("channel `{}` does not fill its data window", candidate.full_name())));
+        }
+        Ok(crop(crop(candidate.channel.samples.clone(), stored_width, shown), width, window))
+    };
+    let samples = samples_of(chosen)?;
+    let absent = match alpha_of(&all, chosen).filter(|_| options.no_data != NoData::Nothing) {
+        Some(alpha) => transparent(&samples_of(alpha)?, &alpha.full_name(), window)?,
+        None => Vec::new(),
+    };
     if let Some(compression) = part.lossy {
         notes.push(format!("compression {compression} is lossy: the elevations are not exactly those that were exported"));
     }
@@ -96,14 +106,39 @@ pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<
         window,
         depth,
         holds_codes: false,
-        stored: Stored::Single(crop(samples, width, window)),
-        absent: Vec::new(),
+        stored: Stored::Single(samples),
+        absent,
         no_data: None,
         statement: Statement::default(),
         spacing: Spacing::Unknown,
         orientation: "row 0 is taken as north",
         notes,
     })
+}
+
+/// The alpha that belongs to a channel: that of the same part and layer.
+fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a>> {
+    let belongs = |other: &Candidate<'a>| std::ptr::eq(other.part, of.part) && other.channel.layer() == of.channel.layer();
+    all.iter().copied().find(|other| other.channel.is_alpha() && belongs(other) && !std::ptr::eq(other.channel, of.channel))
+}
+
+/// Marks the samples of a window where alpha is 0; empty if it is 1 everywhere.
+///
+/// # Errors
+/// Alpha is neither 0 nor 1 somewhere. OpenEXR multiplies by alpha, so a height would be too low there.
+fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<Vec<Option<Absent>>, Fault> {
+    let is = |alpha: f32, value: f32| (alpha - value).abs() <= ALPHA_ROUNDING;
+    if let Some((index, other)) = alpha.iter().enumerate().find(|&(_, &alpha)| !is(alpha, 0.0) && !is(alpha, 1.0)) {
+        let (column, row) = (x as usize + index % width as usize, y as usize + index / width as usize);
+        return Err(Fault::Unsupported(format!(
+            "its pixels are partly transparent (first at column {column}, row {row}: channel `{name}` is {other}), and a height is there or not; export \
+             the heights without alpha or, if alpha says nothing about them, give --no-data none"
+        )));
+    }
+    if !alpha.iter().any(|&alpha| is(alpha, 0.0)) {
+        return Ok(Vec::new());
+    }
+    Ok(alpha.iter().map(|&alpha| is(alpha, 0.0).then_some(Absent::Transparent)).collect())
 }
 
 /// The part of the data window that the display window shows, as x, y, width, height.
@@ -155,7 +190,7 @@ fn named<'a>(all: &[Candidate<'a>], name: &str) -> Result<Candidate<'a>, Fault> 
 
 /// The channel that holds the heights, if that is certain.
 fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
-    let solid: Vec<Candidate<'a>> = all.iter().copied().filter(|candidate| candidate.base() != "a").collect();
+    let solid: Vec<Candidate<'a>> = all.iter().copied().filter(|candidate| !candidate.channel.is_alpha()).collect();
     let named: Vec<Candidate<'a>> = solid.iter().copied().filter(Candidate::is_named).collect();
     let scope = if named.is_empty() { solid } else { named };
     let with_base =
@@ -163,8 +198,8 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let colours = with_base(&COLOURS);
     let one_of = |candidates: &[Candidate<'a>]| if let [one] = candidates { Some(*one) } else { None };
     let plain = if colours.is_empty() { one_of(&with_base(&PLAIN)) } else { None };
-    // If several channels remain, the one is chosen that is itself called `height` or similar.
-    let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope, &colours));
+    // Of several channels in a part or layer named after heights, the one that has the name itself counts.
+    let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope));
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {
             [] => "none is named after heights",
@@ -178,16 +213,16 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
 }
 
 /// Red, if the channels are red, green and blue of one part and layer, and are equal in all pixels.
-fn grey<'a>(scope: &[Candidate<'a>], colours: &[Candidate<'a>]) -> Option<Candidate<'a>> {
-    let of = |name: &str| colours.iter().copied().find(|candidate| candidate.base() == name);
-    let (red, green, blue) = (of("r")?, of("g")?, of("b")?);
-    let is_equal = |other: Candidate<'_>| {
-        std::ptr::eq(red.part, other.part)
-            && red.channel.layer() == other.channel.layer()
-            && red.channel.kind == other.channel.kind
-            && red.channel.samples.iter().zip(&other.channel.samples).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+fn grey<'a>(scope: &[Candidate<'a>]) -> Option<Candidate<'a>> {
+    let channels = Channels(scope.iter().map(|candidate| candidate.channel).collect());
+    let [red, green, blue] = ["R", "G", "B"].map(|name| channels.with_base(name));
+    let (red, green, blue) = (red?, green?, blue?);
+    let own = scope.iter().copied().find(|candidate| std::ptr::eq(candidate.channel, red))?;
+    let belongs = |other: &Candidate<'a>| {
+        std::ptr::eq(own.part, other.part) && red.layer() == other.channel.layer() && red.kind == other.channel.kind
     };
-    (scope.len() == 3 && colours.len() == 3 && is_equal(green) && is_equal(blue)).then_some(red)
+    let is_equal = |other: &Channel| red.samples.iter().zip(&other.samples).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()));
+    (scope.len() == 3 && scope.iter().all(belongs) && is_equal(green) && is_equal(blue)).then_some(own)
 }
 
 fn list(candidates: &[Candidate<'_>]) -> String {
@@ -278,6 +313,23 @@ mod tests {
         assert!(named("high.Y").expect_err("two").contains("2 channels are named `high.Y`; give one of: one.high.Y, two.high.Y"));
         assert!(named("Y").expect_err("three").contains("3 channels"));
         assert!(named("Q").expect_err("none").contains("no channel `Q`"));
+    }
+
+    #[test]
+    fn alpha_belongs_to_the_channels_of_its_part_and_layer() {
+        let parts = [part("", &[("A", A), ("Y", A), ("height.Y", A), ("sea.a", A), ("sea.Y", A)]), part("two", &[("Y", A)])];
+        let all = candidates(&parts);
+        let alpha = |name: &str| alpha_of(&all, named(&all, name).expect("one")).map(|candidate| candidate.full_name());
+        assert_eq!([alpha("Y"), alpha("height.Y"), alpha("sea.Y")], [Some("A".to_owned()), None, Some("sea.a".to_owned())]);
+        assert_eq!((alpha("two.Y"), alpha("A")), (None, None));
+        let marks = |alpha: &[f32]| transparent(alpha, "A", [7, 2, 3, 2]).map_err(|fault| fault.to_string());
+        assert_eq!(marks(&[1.0; 6]), Ok(Vec::new()));
+        let void = Some(Absent::Transparent);
+        assert_eq!(marks(&[1.0, 0.0, 1.0, 0.99995, 0.00005, 1.0]), Ok(vec![None, void, None, None, void, None]));
+        for (value, shown) in [(0.5, "0.5"), (0.999, "0.999"), (1.5, "1.5"), (f32::NAN, "NaN")] {
+            let text = marks(&[1.0, 1.0, 1.0, 1.0, value, 1.0]).expect_err("partly transparent");
+            assert!(text.contains(&format!("column 8, row 3: channel `A` is {shown}")) && text.contains("--no-data none"), "{text}");
+        }
     }
 
     #[test]

@@ -75,8 +75,9 @@ struct Item {
 /// An item is not well formed, or the end of the metadata is missing.
 fn items(xml: &str) -> Result<Vec<Item>, Fault> {
     let damaged = |what: &str| Fault::Damaged(format!("its metadata (tag 42112) {what}"));
+    let xml = without_comments(xml).ok_or_else(|| damaged("hold a comment that has no end"))?;
     let mut items = Vec::new();
-    let mut rest = xml;
+    let mut rest = xml.as_str();
     while let Some((_, from)) = rest.split_once("<Item") {
         let (item, after) = item(from).ok_or_else(|| damaged("hold an item that is not well formed"))?;
         items.extend((!item.role.is_empty()).then_some(item));
@@ -88,7 +89,19 @@ fn items(xml: &str) -> Result<Vec<Item>, Fault> {
     Ok(items)
 }
 
-/// Reads an item from the text after `<Item`. Returns the item and the text after it; `None` if the item is not well formed.
+/// The text without its comments (XML 1.0, section 2.5), which say nothing; None if one has no end.
+pub(super) fn without_comments(xml: &str) -> Option<String> {
+    let mut text = String::new();
+    let mut rest = xml;
+    while let Some((before, comment)) = rest.split_once("<!--") {
+        text.push_str(before);
+        (_, rest) = comment.split_once("-->")?;
+    }
+    text.push_str(rest);
+    Some(text)
+}
+
+/// Reads an item, of which `<Item` is left out. Returns it and what follows it; None if it is not well formed.
 fn item(from: &str) -> Option<(Item, &str)> {
     let mut item = Item { role: String::new(), sample: String::new(), text: String::new() };
     let is_name = |text: &str| !text.is_empty() && !text.contains(|c: char| c.is_whitespace() || "<>\"'".contains(c));
@@ -161,6 +174,18 @@ mod tests {
         assert_eq!(twice.scale, Some(2.0));
         let negative = told("<Item role=\"scale\" sample=\"0\">-1</Item>").expect("GDAL applies it");
         assert_eq!(negative.scale, Some(-1.0));
+    }
+
+    #[test]
+    fn items_in_comments_are_not_applied() {
+        let scale = |items: &str| told(items).map(|statement| statement.scale);
+        let inside = scale("<!-- <Item role=\"scale\">7</Item> -->");
+        assert_eq!(inside.expect("well formed"), None);
+        let beside = scale("<!--<Item role=\"scale\">7</Item>--><Item role=\"scale\">2</Item><!-- > <Item -->");
+        assert_eq!(beside.expect("well formed"), Some(2.0));
+        let within = scale("<Item role=\"scale\"><!-- metres -->2</Item>");
+        assert_eq!(within.expect("well formed"), Some(2.0));
+        assert!(matches!(scale("<Item role=\"scale\">2</Item><!-- <Item role=\"scale\">7</Item>"), Err(Fault::Damaged(_))));
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Interprets the GeoTIFF tags of a file: coordinate system, units, and positions of the samples.
 //!
 //! Source: *OGC GeoTIFF Standard* 1.1 (OGC 19-008r4), the requirements of GeoKeyDirectoryTag, GTModelTypeGeoKey, GTRasterTypeGeoKey, the unit keys,
-//! ModelPixelScaleTag, ModelTiepointTag and ModelTransformationTag. A sample is an elevation at a point: the centre of its pixel, if a pixel is an area.
-//! The distance between samples is the same in both cases.
+//! ModelPixelScaleTag, ModelTiepointTag and ModelTransformationTag. A sample is an elevation at a point: the centre of its pixel, if a pixel is an
+//! area. The distance between samples is the same in both cases.
 
 use std::collections::BTreeMap;
 
 use super::spacing::Spacing;
+use super::systems::{WORLD_MERCATOR, has_metric_heights, is_depth, is_metric, projected_feet, vertical_feet};
 use super::units::{METRE, Unit};
 use crate::decode::fault::Fault;
 
@@ -23,22 +24,6 @@ const VERTICAL_UNIT: u16 = 4099;
 const DOUBLE_PARAMETERS: u64 = 34_736;
 const USER_DEFINED: u16 = 32_767;
 const DEGREE: u16 = 9102;
-
-/// Vertical systems in feet whose values grow upwards (EPSG dataset 12.029), with the EPSG codes of their units.
-const VERTICAL_FEET: [(u16, u16); 10] = [
-    (5702, 9003),
-    (5754, 9095),
-    (6130, 9002),
-    (6131, 9002),
-    (6132, 9002),
-    (6360, 9003),
-    (8050, 9002),
-    (8052, 9003),
-    (8228, 9002),
-    (10_919, 9003),
-];
-/// The Mercator projections of the world (EPSG): those of web maps, and World Mercator.
-const WORLD_MERCATOR: [u16; 3] = [3857, 3785, 3395];
 
 /// Mean length of a degree of latitude, metres.
 const DEGREE_M: f64 = 111_195.0;
@@ -223,7 +208,7 @@ impl Keys {
                 "its numbers are depths (EPSG:{system}), which grow downwards; turn them into heights with gdal_calc.py -A IN --calc=-A --outfile=OUT.tif"
             )));
         }
-        let of_system = VERTICAL_FEET.iter().find(|(feet, _)| Some(*feet) == system).and_then(|&(_, unit)| Unit::of_code(unit));
+        let of_system = system.and_then(vertical_feet);
         let unit = match self.short(VERTICAL_UNIT) {
             None => return Ok(of_system),
             Some(code) => Unit::of_code(code).ok_or_else(|| {
@@ -257,7 +242,10 @@ impl Keys {
         }
         // Even if the two numbers are equal, the root of their product may differ from them in the last bit.
         let spacing = if across == down { across } else { (across * down).sqrt() };
-        let Some(unit) = unit else { return Ok(Spacing::WithoutUnit(spacing)) };
+        let Some(unit) = unit else {
+            let system = self.short(PROJECTED_SYSTEM);
+            return Ok(Spacing::WithoutUnit { stated: spacing, usual: system.and_then(|system| Some((system, projected_feet(system)?))) });
+        };
         let metres = spacing * unit.metres;
         let web_map = self.short(PROJECTED_SYSTEM).filter(|system| WORLD_MERCATOR.contains(system));
         if let (Some([x, y]), Some(system)) = (centre, web_map) {
@@ -303,7 +291,8 @@ impl Keys {
     }
 }
 
-/// The affine transform from a position in the raster to coordinates: x = across column + shear_x row + origin_x, y = shear_y column + down row + origin_y.
+/// The affine transform from a position in the raster to coordinates: x = across column + shear_x row + origin_x, y = shear_y column + down row +
+/// origin_y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Transform {
     across: f64,
@@ -392,38 +381,8 @@ impl Transform {
     }
 }
 
-/// Whether the unit of a projected system (EPSG) is known to be the metre, from its code: UTM on WGS 84, ETRS89 and NAD83, the systems of the European
-/// Union, France, Great Britain, Switzerland and the Netherlands, and web maps.
-fn is_metric(system: u16) -> bool {
-    WORLD_MERCATOR.contains(&system)
-        || matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992)
-}
-
-/// Whether the numbers of a vertical system grow downwards: all systems of the EPSG dataset 12.029 whose axis points down.
-fn is_depth(system: u16) -> bool {
-    matches!(
-        system,
-        5336 | 5612 | 5614 | 5706 | 5715 | 5734 | 5739 | 5789 | 5831 | 5861..=5867 | 5873 | 6357..=6359 | 7976 | 8051 | 8053 | 8358 | 8378 | 8897
-            | 9287 | 9288 | 9672 | 10_150 | 10_151 | 10_349 | 10_364 | 10_370..=10_379 | 10_547..=10_552 | 10_649 | 10_650 | 10_678
-    )
-}
-
-/// Whether a vertical system has heights in metres: all such systems of the EPSG dataset 12.029.
-fn has_metric_heights(system: u16) -> bool {
-    matches!(
-        system,
-        3855 | 3886 | 3900 | 4440 | 4458 | 5193 | 5195 | 5214 | 5237 | 5317 | 5597 | 5600..=5611 | 5613 | 5615..=5621 | 5701 | 5703..=5705
-            | 5709..=5714 | 5716..=5733 | 5735..=5738 | 5740..=5753 | 5755..=5788 | 5790..=5799 | 5829 | 5843 | 5868..=5872 | 5874 | 5941
-            | 6178..=6187 | 6638..=6644 | 6647 | 6693..=6695 | 6916 | 7446 | 7447 | 7651 | 7652 | 7699 | 7700 | 7707 | 7832 | 7837 | 7839 | 7841
-            | 7888..=7890 | 7962 | 7968 | 7979 | 8089 | 8266 | 8267 | 8357 | 8434 | 8675 | 8690 | 8691 | 8841 | 8881 | 8904 | 8911 | 9130 | 9245
-            | 9255 | 9274 | 9279 | 9303 | 9335 | 9351 | 9389 | 9390 | 9392..=9402 | 9451 | 9458 | 9471 | 9650 | 9651 | 9663 | 9666 | 9669 | 9675
-            | 9681 | 9721 | 9722 | 9923 | 9927 | 10_190 | 10_352..=10_354 | 10_482..=10_485 | 10_565 | 10_588 | 10_642 | 10_740 | 10_763 | 10_900
-            | 10_918 | 10_999 | 11_157 | 20_000 | 20_034..=20_036
-    )
-}
-
-/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
-/// distance between samples.
+/// The call of gdalwarp that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between
+/// samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {
         _ if !(longitude.is_finite() && latitude.abs() <= 90.0) => "CODE".to_owned(),
@@ -491,9 +450,13 @@ mod tests {
         own.keys.as_mut().expect("set above").extend([3077, 34_736, 1, 0]);
         own.keys.as_mut().expect("set above")[3] = 4;
         assert!((metres(&own) - 5.0).abs() < 1e-12);
-        assert_eq!(read(&tags(1, &[[3072, 2903]])).expect("usable").spacing, Spacing::WithoutUnit(10.0), "no unit is guessed");
+        // No unit is guessed, but the usual one is named.
+        let without = |usual: Option<(u16, Unit)>| Spacing::WithoutUnit { stated: 10.0, usual };
+        let survey_foot = Unit::of_code(9003).expect("known");
+        assert_eq!(read(&tags(1, &[[3072, 2229]])).expect("usable").spacing, without(Some((2229, survey_foot))));
+        assert_eq!(read(&tags(1, &[[3072, 31_467]])).expect("usable").spacing, without(None));
         let bare = Tags { keys: None, ..tags(1, &[]) };
-        assert_eq!(read(&bare).expect("usable").spacing, Spacing::WithoutUnit(10.0));
+        assert_eq!(read(&bare).expect("usable").spacing, without(None));
         assert_eq!(read(&Tags::default()).expect("usable").spacing, Spacing::Unknown);
         refused(&tags(1, &[[3072, 2903], [3076, 9999]]), &["EPSG code 9999"]);
         refused(&tags(1, &[[3072, 32_632], [3076, 9003]]), &["contradicts itself", "EPSG:32632", "US survey foot"]);

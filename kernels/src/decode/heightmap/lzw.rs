@@ -1,7 +1,7 @@
 //! Decodes LZW-compressed strips and tiles of TIFF files.
 //!
-//! The crate `tiff` decodes a tile in pieces, and then does not find the end of some intact streams (GDAL writes such tiles). Here, a stream is decoded as
-//! a whole. Sources: TIFF 6.0, sections 13 (LZW) and 14 (differencing predictor); *TIFF Technical Note 3* (floating point predictor).
+//! The crate `tiff` decodes a tile in pieces, and then does not find the end of some intact streams (GDAL writes such tiles). Here, a stream is
+//! decoded as a whole. Sources: TIFF 6.0, sections 13 (LZW) and 14 (differencing predictor); *TIFF Technical Note 3* (floating point predictor).
 
 use ::tiff::decoder::DecodingResult;
 use ::tiff::tags::ByteOrder;
@@ -97,8 +97,8 @@ fn plain(row: &[u8], sample_bytes: usize, coding: Coding) -> Vec<u64> {
         .collect()
 }
 
-/// Decodes a row with the floating point predictor to the bit patterns of its samples. The row holds the highest bytes of all samples, then
-/// all second bytes, and so on; each byte is stored as its difference from the previous byte.
+/// The bit patterns of the samples of a row in which all highest bytes come first, then all second ones, and so on, each byte as its difference from
+/// the byte before it.
 fn of_float_differences(row: &mut [u8], width: usize, sample_bytes: usize) -> Vec<u64> {
     for at in 1..row.len() {
         row[at] = row[at].wrapping_add(row[at - 1]);

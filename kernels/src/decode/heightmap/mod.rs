@@ -1,12 +1,13 @@
 //! Reads heightmaps from files: 16-bit PNG, RAW (16-bit integers or 32-bit floats), OpenEXR and (Geo)TIFF.
 //!
-//! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a file
-//! that is too large is refused before memory is allocated for it.
+//! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a
+//! file that is too large is refused before memory is allocated for it.
 //!
-//! The reader of each format returns the samples as they are stored, and all statements of the file about them (`raster.rs`). Then, in this
-//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Every
-//! statement of the file is applied, or the file is refused with an error of one line. A [`Report`] lists how the file was interpreted.
+//! The reader of each format returns the samples as they are stored, and all that the file says about them (`raster.rs`). Then, in this order:
+//! samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Whatever a file says is
+//! applied, or the file is refused in one line; a [`Report`] says what was understood.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -16,7 +17,8 @@ use crate::decode::fault::Fault;
 use depth::Depth;
 use options::Format;
 use raster::Raster;
-use scaling::Statement;
+use scaling::{Mapping, Statement};
+use voids::Found;
 
 mod channels;
 mod depth;
@@ -31,6 +33,7 @@ mod raw;
 mod report;
 mod scaling;
 mod spacing;
+mod systems;
 mod tiff;
 mod units;
 mod voids;
@@ -74,8 +77,8 @@ pub struct Reading {
     pub map: Heightmap,
     /// How the file was interpreted.
     pub report: Report,
-    /// Columns and rows of the samples without data that become holes in the ground; empty unless the options contain [`Voids::Holes`]. In
-    /// `map`, these samples are filled, too.
+    /// Columns and rows of the samples that have no data and shall be holes in the ground; empty unless [`Voids::Holes`] is asked for. They are
+    /// filled in the map.
     pub holes: Vec<[u32; 2]>,
 }
 
@@ -197,7 +200,8 @@ fn note_of_metadata_beside(path: &Path) -> Result<Option<String>> {
             name(&metadata)
         )));
     }
-    let text = String::from_utf8_lossy(&text);
+    let whole = String::from_utf8_lossy(&text);
+    let text = gdal::without_comments(&whole).unwrap_or_else(|| whole.into_owned());
     if let Some(element) = STATEMENTS_BESIDE.into_iter().find(|element| text.contains(&format!("<{element}"))) {
         return Err(refused(format!(
             "the file {} beside it says what the samples mean ({element}), but is not read; make one file of both with gdal_translate IN OUT.tif",
@@ -236,41 +240,11 @@ fn understand(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) ->
 fn finish(raster: Raster, name: &str, options: &ReadOptions) -> std::result::Result<Reading, Fault> {
     let found = voids::find(&raster, &options.no_data, options.voids)?;
     let spacing = raster.spacing.resolve(options.metres_per_texel)?;
-    let count = raster.stored.len();
-    let has_data = |index: &usize| found.has_data(*index);
-    let stored = range((0..count).filter(has_data).map(|index| raster.stored.at(index)));
-    let mapping = scaling::mapping(raster.depth, &raster.statement, stored, options.height_range_m)?;
-    let metres = |index: usize| (raster.stored.at(index) * mapping.scale + mapping.offset) as f32;
-    if let Some(index) = (0..count).filter(has_data).find(|&index| !(-MAX_ELEVATION_M..=MAX_ELEVATION_M).contains(&metres(index))) {
-        return Err(Fault::Unsupported(format!(
-            "the sample at {} is {} m, which is no elevation on Earth; name a value that marks missing data with --no-data, or correct --height-range \
-             or the unit of the file",
-            raster.place(index),
-            metres(index)
-        )));
-    }
-    let elevations_m = range((0..count).filter(has_data).map(|index| f64::from(metres(index))));
-    let [low, high] = elevations_m;
-    if low >= high {
-        return Err(Fault::Unsupported(format!(
-            "all samples are {low} m: there is no relief; check that the right channel and bit depth were exported"
-        )));
-    }
-    let mut notes = raster.notes.clone();
-    notes.extend(found.notes.iter().cloned());
+    let scaled = Scaled::of(&raster, &found, options)?;
+    let mut notes = [raster.notes.as_slice(), found.notes.as_slice()].concat();
     notes.extend(spacing.note);
-    notes.extend(mapping.note);
-    notes.extend(voids::remark(&raster, &found));
-    if raster.depth == Depth::Half {
-        notes.extend(note_of_half(stored, mapping.scale.abs()));
-    }
-    let is_plain_float = raster.depth.is_float() && raster.statement == Statement::default() && options.height_range_m.is_none();
-    if is_plain_float && high - low <= NORMALISED_RELIEF_M {
-        notes.push(format!(
-            "the whole relief is {} m; if the samples are normalised to 0..1, give their elevations with --height-range LOW,HIGH",
-            high - low
-        ));
-    }
+    notes.extend(scaled.mapping.note.clone());
+    notes.extend(notes_of_samples(&raster, &found, &scaled, options));
     let fate = if options.voids == Voids::Holes { "holes in the ground" } else { "filled with a membrane" };
     let report = Report {
         file: one_line(&format!("{name}, {}", raster.format)),
@@ -278,24 +252,96 @@ fn finish(raster: Raster, name: &str, options: &ReadOptions) -> std::result::Res
         window: raster.window,
         spacing_m: spacing.metres,
         spacing_from: spacing.from,
-        stored: stored.map(|sample| raster.stored.shown(sample)),
-        elevations_m,
-        mapping: mapping.how,
+        stored: scaled.stored.map(|sample| raster.stored.shown(sample)),
+        elevations_m: scaled.elevations_m,
+        mapping: scaled.mapping.how,
         orientation: raster.orientation.to_owned(),
         void_count: found.count,
         voids: if found.count == 0 { "no sample".to_owned() } else { format!("{fate}: {}", found.words) },
         notes: notes.iter().map(|note| one_line(note)).collect(),
     };
     let [_, _, width, height] = raster.window;
-    let mut samples = raster.stored.scaled(mapping.scale, mapping.offset);
+    let mut samples = raster.stored.scaled(scaled.mapping.scale, scaled.mapping.offset);
     let mut holes = Vec::new();
     if found.count > 0 {
         fill::fill(&mut samples, &found.mask, width as usize);
         if options.voids == Voids::Holes {
-            holes.extend((0..count).filter(|index| !found.has_data(*index)).map(|index| [index as u32 % width, index as u32 / width]));
+            let without_data = (0..samples.len()).filter(|&index| !found.has_data(index));
+            holes.extend(without_data.map(|index| [index as u32 % width, index as u32 / width]));
         }
     }
     Ok(Reading { map: Heightmap { width, height, metres_per_texel: spacing.metres, samples }, report, holes })
+}
+
+/// How samples become metres.
+struct Scaled {
+    /// The lowest and the highest sample with data.
+    stored: [f64; 2],
+    mapping: Mapping,
+    /// The lowest and the highest elevation, metres.
+    elevations_m: [f64; 2],
+}
+
+impl Scaled {
+    /// Refuses elevations that are none on Earth, and a map without relief: its samples were misunderstood.
+    fn of(raster: &Raster, found: &Found, options: &ReadOptions) -> std::result::Result<Scaled, Fault> {
+        let with_data = move || (0..raster.stored.len()).filter(move |&index| found.has_data(index));
+        let stored = range(with_data().map(|index| raster.stored.at(index)));
+        let mapping = scaling::mapping(raster.depth, &raster.statement, stored, options.height_range_m)?;
+        let metres = |index: usize| (raster.stored.at(index) * mapping.scale + mapping.offset) as f32;
+        if let Some(index) = with_data().find(|&index| !(-MAX_ELEVATION_M..=MAX_ELEVATION_M).contains(&metres(index))) {
+            return Err(Fault::Unsupported(format!(
+                "the sample at {} is {} m, which is no elevation on Earth; name a value that marks missing data with --no-data, or correct \
+                 --height-range or the unit of the file",
+                raster.place(index),
+                metres(index)
+            )));
+        }
+        let elevations_m = range(with_data().map(|index| f64::from(metres(index))));
+        let [low, high] = elevations_m;
+        if low >= high {
+            return Err(Fault::Unsupported(format!(
+                "all samples are {low} m: there is no relief; check that the right channel and bit depth were exported"
+            )));
+        }
+        Ok(Scaled { stored, mapping, elevations_m })
+    }
+}
+
+/// What the samples themselves give reason to say, one line each.
+fn notes_of_samples(raster: &Raster, found: &Found, scaled: &Scaled, options: &ReadOptions) -> Vec<String> {
+    let metres_per_unit = scaled.mapping.scale.abs();
+    let of_zeros = || if options.no_data == NoData::Nothing { None } else { voids::note_of_zeros(raster, found) };
+    let of_half = if raster.depth == Depth::Half { note_of_half(scaled.stored, metres_per_unit) } else { None };
+    let [low, high] = scaled.elevations_m;
+    let is_plain_float = raster.depth.is_float() && raster.statement == Statement::default() && options.height_range_m.is_none();
+    let of_low_relief = (is_plain_float && high - low <= NORMALISED_RELIEF_M).then(|| {
+        format!(
+            "the whole relief is {} m; if the samples are normalised to 0..1, give their elevations with --height-range LOW,HIGH",
+            high - low
+        )
+    });
+    let of_voids = voids::remark(raster, found).or_else(of_zeros);
+    [of_voids, note_of_8_bits(raster, metres_per_unit), of_half, of_low_relief].into_iter().flatten().collect()
+}
+
+/// A note if all samples of a format with 16 bits are 8-bit numbers: a code of 8 bits times 257 or 256. `scale`: metres per unit.
+fn note_of_8_bits(raster: &Raster, scale: f64) -> Option<String> {
+    if !(raster.holds_codes && raster.depth == Depth::Unsigned16) {
+        return None;
+    }
+    let codes = move || (0..raster.stored.len()).map(move |index| raster.stored.at(index) as u32);
+    let step = [257, 256].into_iter().find(|step| codes().all(|code| code % step == 0))?;
+    let levels: BTreeSet<u32> = codes().collect();
+    // Two levels may be a plain test picture.
+    (levels.len() > 2).then(|| {
+        format!(
+            "all samples are multiples of {step}, as 8-bit numbers in a file of 16 bits are: {} levels in steps of {:.3} m, which show as terraces; \
+             export the heights with 16 bits",
+            levels.len(),
+            f64::from(step) * scale
+        )
+    })
 }
 
 /// Lowest and highest value.

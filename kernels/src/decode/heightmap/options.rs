@@ -13,8 +13,8 @@ pub(super) const MAX_SPACING_M: f64 = 1.0e5;
 /// How to read a heightmap. Messages call the options by their names in `experiments import`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states it. A value that contradicts the file
-    /// is an error.
+    /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states it. A value that contradicts the
+    /// file is an error.
     pub metres_per_texel: Option<f64>,
     /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
     /// the float samples 0 and 1 if all samples lie in 0..=1. Required for integer samples if the file does not state what they mean. All

@@ -36,53 +36,13 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     }
     let kind = kind(bits, colour);
     if bits != 16 {
-        let looks = if decoder.color_type() == ColorType::Rgb8 { packed(decoder)? } else { None };
-        return Err(match looks {
-            Some((name, formula)) => Fault::Unsupported(format!(
-                "its pixels are {kind}, which look like {name}; decode them with \
-                 gdal_calc.py -R IN --R_band=1 -G IN --G_band=2 -B IN --B_band=3 --type=Float32 --calc=\"{formula}\" --outfile=OUT.tif"
-            )),
-            None => Fault::Unsupported(format!(
-                "its samples are {kind}, but must have 16 bits: 8 bits are 256 levels, which show as terraces; export the heightmap as 16-bit greyscale"
-            )),
-        });
+        return Err(not_16_bits(decoder, &kind));
     }
     let channels = usize::from(decoder.color_type().channel_count());
     let mut bytes = vec![0; width as usize * height as usize * channels * 2];
     decoder.read_image(&mut bytes).map_err(fault)?;
-    let (pairs, _) = bytes.as_chunks::<2>();
-    let mut samples = Vec::with_capacity(width as usize * height as usize);
-    let mut absent = Vec::new();
-    for (index, pixel) in pairs.chunks_exact(channels).enumerate() {
-        let value = |channel: usize| u16::from_ne_bytes(pixel[channel]);
-        let place = || format!("column {}, row {}", index % width as usize, index / width as usize);
-        if channels >= 3 && (value(0) != value(1) || value(1) != value(2)) {
-            return Err(Fault::Unsupported(format!(
-                "its pixels are {kind}, and red, green and blue differ (first at {}: {}, {}, {}), so none of them is a height; export 16-bit greyscale",
-                place(),
-                value(0),
-                value(1),
-                value(2)
-            )));
-        }
-        samples.push(f32::from(value(0)));
-        if channels.is_multiple_of(2) {
-            match value(channels - 1) {
-                u16::MAX => absent.push(None),
-                0 => absent.push(Some(Absent::Transparent)),
-                alpha => {
-                    return Err(Fault::Unsupported(format!(
-                        "its pixels are partly transparent (first at {}: alpha {alpha} of 65535), and a height is there or not; \
-                         export 16-bit greyscale without alpha",
-                        place()
-                    )));
-                }
-            }
-        }
-    }
-    if !absent.contains(&Some(Absent::Transparent)) {
-        absent.clear();
-    }
+    let (values, _) = bytes.as_chunks::<2>();
+    let Heights { samples, absent } = heights(values, channels, width as usize, &kind)?;
     let absent = if absent.is_empty() { absent } else { crop(absent, width, window) };
     Ok(Raster {
         format: format!("PNG, {kind}"),
@@ -98,6 +58,66 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
         orientation: "row 0 is taken as north",
         notes: Vec::new(),
     })
+}
+
+/// Why a file with other than 16 bits per channel is refused, and the remedy.
+fn not_16_bits(decoder: PngDecoder<impl BufRead + Seek>, kind: &str) -> Fault {
+    let looks = if decoder.color_type() == ColorType::Rgb8 { packed(decoder) } else { Ok(None) };
+    match looks {
+        Err(fault) => fault,
+        Ok(Some((name, formula))) => Fault::Unsupported(format!(
+            "its pixels are {kind}, which look like {name}; decode them with \
+             gdal_calc.py -R IN --R_band=1 -G IN --G_band=2 -B IN --B_band=3 --type=Float32 --calc=\"{formula}\" --outfile=OUT.tif"
+        )),
+        Ok(None) => Fault::Unsupported(format!(
+            "its samples are {kind}, but must have 16 bits: 8 bits are 256 levels, which show as terraces; export the heightmap as 16-bit greyscale"
+        )),
+    }
+}
+
+/// The samples of all pixels, row by row.
+struct Heights {
+    samples: Vec<f32>,
+    /// Why pixels have no data; empty if all have some.
+    absent: Vec<Option<Absent>>,
+}
+
+/// Takes one sample from each pixel. `values`: the channels of all pixels, in the byte order of the machine. Colours and partly transparent pixels
+/// are refused.
+fn heights(values: &[[u8; 2]], channels: usize, width: usize, kind: &str) -> Result<Heights, Fault> {
+    let count = values.len() / channels;
+    let mut found = Heights { samples: Vec::with_capacity(count), absent: Vec::new() };
+    for (index, pixel) in values.chunks_exact(channels).enumerate() {
+        let value = |channel: usize| u16::from_ne_bytes(pixel[channel]);
+        let place = || format!("column {}, row {}", index % width, index / width);
+        if channels >= 3 && (value(0) != value(1) || value(1) != value(2)) {
+            return Err(Fault::Unsupported(format!(
+                "its pixels are {kind}, and red, green and blue differ (first at {}: {}, {}, {}), so none of them is a height; export 16-bit greyscale",
+                place(),
+                value(0),
+                value(1),
+                value(2)
+            )));
+        }
+        found.samples.push(f32::from(value(0)));
+        if channels.is_multiple_of(2) {
+            match value(channels - 1) {
+                u16::MAX => found.absent.push(None),
+                0 => found.absent.push(Some(Absent::Transparent)),
+                alpha => {
+                    return Err(Fault::Unsupported(format!(
+                        "its pixels are partly transparent (first at {}: alpha {alpha} of 65535), and a height is there or not; \
+                         export 16-bit greyscale without alpha",
+                        place()
+                    )));
+                }
+            }
+        }
+    }
+    if !found.absent.contains(&Some(Absent::Transparent)) {
+        found.absent.clear();
+    }
+    Ok(found)
 }
 
 /// Bits and type of colour of the header (section 11.2.1), in words.

@@ -54,8 +54,8 @@ impl Statement {
     }
 }
 
-/// Returns the conversion to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest
-/// possible integer, or of the floats 0 and 1, metres.
+/// Returns the map to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest possible integer, or
+/// of the floats 0 and 1, metres.
 ///
 /// # Errors
 /// The meaning of integers is unknown; `range` contradicts the file, or does not apply to the samples.

@@ -1,6 +1,7 @@
 //! The distance between samples: from the file, or from the user.
 
 use super::options::MAX_SPACING_M;
+use super::units::Unit;
 use crate::decode::fault::Fault;
 
 /// Largest relative difference between the spacing that the file states and the one that the user gives. People round to three digits or more.
@@ -11,9 +12,13 @@ const SAME: f64 = 1e-3;
 pub(super) enum Spacing {
     /// The file states no distance.
     Unknown,
-    /// The file states a number without a unit of length.
-    WithoutUnit(f64),
-    /// The file states the distance.
+    /// A number without a unit of length.
+    WithoutUnit {
+        stated: f64,
+        /// The coordinate system (EPSG) that the file names, and its unit, if that is known not to be the metre.
+        usual: Option<(u16, Unit)>,
+    },
+    /// The distance.
     Stated {
         metres: f64,
         /// How the file states it, in words.
@@ -51,20 +56,35 @@ impl Spacing {
                 }
                 Ok(Resolved { metres, from: format!("from the file: {how}"), note: None })
             }
-            (Spacing::WithoutUnit(stated), Some(given)) => {
-                let note = (!is_same(*stated, given))
-                    .then(|| format!("the file states a spacing of {stated} without a unit; the {given} m of --metres-per-texel are used"));
+            (Spacing::WithoutUnit { stated, usual }, Some(given)) => {
+                let note = (!is_same(usual.map_or(*stated, |(_, unit)| stated * unit.metres), given)).then(|| {
+                    let meant = usual.map_or_else(String::new, |usual| format!(" ({})", in_usual(*stated, usual)));
+                    format!("the file states a spacing of {stated} without a unit{meant}; the {given} m of --metres-per-texel are used")
+                });
                 given_only(given, note)
             }
             (Spacing::Unknown, Some(given)) => given_only(given, None),
-            (Spacing::WithoutUnit(stated), None) => Err(Fault::Unsupported(format!(
-                "the file states a spacing of {stated}, but not its unit; give --metres-per-texel, for example {stated} if the unit is the metre"
-            ))),
+            (Spacing::WithoutUnit { stated, usual }, None) => {
+                let example = match usual {
+                    Some(usual) => in_usual(*stated, *usual),
+                    None => format!("{stated} if the unit is the metre"),
+                };
+                Err(Fault::Unsupported(format!(
+                    "the file states a spacing of {stated}, but not its unit; give --metres-per-texel, for example {example}"
+                )))
+            }
             (Spacing::Unknown, None) => {
                 Err(Fault::Unsupported("the file does not say how far apart its samples are; give --metres-per-texel METRES".to_owned()))
             }
         }
     }
+}
+
+/// A spacing in the unit of a coordinate system, in metres, and why.
+fn in_usual(stated: f64, (system, unit): (u16, Unit)) -> String {
+    // Micrometres are far below the tolerance of a spacing.
+    let metres = (stated * unit.metres * 1e6).round() / 1e6;
+    format!("{metres}, because the unit of EPSG:{system} is the {}", unit.name)
 }
 
 fn is_same(a: f64, b: f64) -> bool {
@@ -95,10 +115,19 @@ mod tests {
     #[test]
     fn a_spacing_that_nobody_states_is_asked_for() {
         assert!(Spacing::Unknown.resolve(None).expect_err("unknown").to_string().contains("--metres-per-texel"));
-        assert!(Spacing::WithoutUnit(25.0).resolve(None).expect_err("no unit").to_string().contains("25, but not its unit"));
+        let without = |usual: Option<(u16, Unit)>| Spacing::WithoutUnit { stated: 25.0, usual };
+        let text = without(None).resolve(None).expect_err("no unit").to_string();
+        assert!(text.contains("25, but not its unit") && text.contains("for example 25 if the unit is the metre"), "{text}");
         assert!(Spacing::Unknown.resolve(Some(4.0)).expect("given").note.is_none());
-        assert!(Spacing::WithoutUnit(25.0).resolve(Some(25.0)).expect("the same").note.is_none());
-        let other = Spacing::WithoutUnit(25.0).resolve(Some(7.62)).expect("given");
-        assert!((other.metres - 7.62).abs() < 1e-12 && other.note.is_some_and(|note| note.contains("25 without a unit")));
+        assert!(without(None).resolve(Some(25.0)).expect("the same").note.is_none());
+        let other = without(None).resolve(Some(7.62)).expect("given");
+        assert!((other.metres - 7.62).abs() < 1e-12 && other.note.is_some_and(|note| note.contains("25 without a unit;")));
+        // A system in feet gives an example that is true.
+        let feet = without(Unit::of_code(9003).map(|unit| (2229, unit)));
+        let text = feet.resolve(None).expect_err("no unit").to_string();
+        assert!(text.contains("for example 7.620015, because the unit of EPSG:2229 is the US survey foot"), "{text}");
+        assert!(feet.resolve(Some(7.62)).expect("given").note.is_none());
+        let metres = feet.resolve(Some(25.0)).expect("given").note.expect("another unit");
+        assert!(metres.contains("25 without a unit (7.620015, because the unit of EPSG:2229") && metres.contains("the 25 m"), "{metres}");
     }
 }

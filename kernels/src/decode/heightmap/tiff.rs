@@ -1,9 +1,9 @@
 //! Reads TIFF and GeoTIFF files.
 //!
-//! First, all statements of a file are read into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes
-//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). The crate would invert samples of
-//! photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
-//! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
+//! All that a file says is read once, into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes strips and tiles
+//! (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). It would invert samples of photometric interpretation WhiteIsZero, and
+//! refuses masks. Both is avoided by a [`Patched`] file, in which the interpretation reads as BlackIsZero: a height is the stored number, as in GDAL.
+//! Of several images, the first one of full resolution is read. Images that belong to another one (SubIFDs) are not searched.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -113,22 +113,32 @@ struct Layout {
     byte_counts: Vec<u64>,
 }
 
-/// A mask that says which samples have data.
-struct Mask {
-    /// Number of the mask in the list of images.
+/// An image of a file.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Its number in the list of images, from 0.
     index: usize,
     directory: IfdPointer,
 }
 
-/// All statements of a file.
+/// The images of a file that matter.
+struct Images {
+    /// The image that is read: the first one of full resolution, or the first one if there is none.
+    main: Place,
+    /// Says which samples have data.
+    mask: Option<Place>,
+    /// Number of other images of full resolution.
+    others: usize,
+    /// Whether all images are of reduced resolution, or masks.
+    is_reduced: bool,
+}
+
+/// All that a file says.
 struct Description {
     layout: Layout,
     depth: Depth,
     statement: Statement,
     no_data: Option<f64>,
-    mask: Option<Mask>,
-    /// Number of full images in addition to the first one.
-    other_images: usize,
     georeference: Georeference,
     is_geotiff: bool,
 }
@@ -147,6 +157,10 @@ struct Chunk {
 pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length)).map_err(Fault::of_io)?;
     let mut file = Decoder::new(Patched { inner: input, length, position: 0, patches: Vec::new() }).map_err(fault)?;
+    let images = Images::find(&mut file)?;
+    if images.main.index > 0 {
+        file.seek_to_image(images.main.index).map_err(fault)?;
+    }
     let description = Description::read(&mut file)?;
     let [width, height] = description.layout.size;
     let window = options.window_of([width, height], true)?;
@@ -154,11 +168,11 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     // The window is counted from the north-west corner; in the file, this corner may not be the first sample.
     let [x, y, w, h] = window;
     let in_file = [if is_mirrored { width - x - w } else { x }, if is_south_up { height - y - h } else { y }, w, h];
-    let mut notes = description.notes();
-    let main = file.ifd_pointer().ok_or_else(|| Fault::Damaged("it has no image".to_owned()))?;
-    read_as_black_is_zero(&mut file, main, 0)?;
+    let mut notes = images.notes();
+    notes.extend(description.notes());
+    read_as_black_is_zero(&mut file, images.main)?;
     let (mut stored, mut absent) = samples(&mut file, &description, in_file, &mut notes)?;
-    if let Some(mask) = &description.mask {
+    if let Some(mask) = images.mask {
         hide(&mut file, mask, &description.layout, in_file, &mut absent)?;
     }
     match &mut stored {
@@ -369,8 +383,7 @@ impl Description {
             }
             (one, other) => statement.unit = one.or(other),
         }
-        let (mask, other_images) = find_mask(file)?;
-        Ok(Description { layout, depth, statement, no_data, mask, other_images, georeference, is_geotiff: !tags.is_empty() })
+        Ok(Description { layout, depth, statement, no_data, georeference, is_geotiff: !tags.is_empty() })
     }
 
     /// Kind of file and of samples, in words.
@@ -384,10 +397,6 @@ impl Description {
         let mut notes = Vec::new();
         if self.layout.photometric == 0 {
             notes.push("photometric interpretation WhiteIsZero: heights are the stored numbers, not inverted".to_owned());
-        }
-        if self.other_images > 0 {
-            let noun = if self.other_images == 1 { "image" } else { "images" };
-            notes.push(format!("the file has {} more {noun}; the first one is read", self.other_images));
         }
         if let (Some([smallest, largest]), Some(value)) = (self.depth.limits(), self.no_data)
             && !((smallest..=largest).contains(&value) && value.fract() == 0.0)
@@ -409,35 +418,60 @@ impl Description {
     }
 }
 
-/// Finds the mask of the first image, and counts other full images (TIFF 6.0, NewSubfileType: bit 0 = reduced resolution, bit 2 = mask).
-fn find_mask<R: Read + Seek>(file: &mut File<R>) -> Result<(Option<Mask>, usize), Fault> {
-    let mut next = file.image_ifd().directory().next();
-    let (mut mask, mut other_images, mut index) = (None, 0, 0);
-    while let Some(directory) = next {
-        index += 1;
-        if index > MOST_IMAGES {
-            return Err(Fault::Damaged(format!("its list of images has no end, or more than {MOST_IMAGES} images")));
+impl Images {
+    /// Goes through the list of images (TIFF 6.0, NewSubfileType: bit 0 = reduced resolution, bit 2 = mask).
+    fn find<R: Read + Seek>(file: &mut File<R>) -> Result<Images, Fault> {
+        let first = file.ifd_pointer().ok_or_else(|| Fault::Damaged("it has no image".to_owned()))?;
+        let (mut full, mut mask, mut others, mut index) = (None, None, 0, 0);
+        let mut next = Some(first);
+        while let Some(directory) = next {
+            if index >= MOST_IMAGES {
+                return Err(Fault::Damaged(format!("its list of images has no end, or more than {MOST_IMAGES} images")));
+            }
+            let tags = file.read_directory(directory).map_err(fault)?;
+            let kind = file.read_directory_tags(&tags).find_tag_unsigned::<u64>(Tag::NewSubfileType).map_err(fault)?.unwrap_or(0);
+            let image = Place { index, directory };
+            match (kind & 4 != 0, kind & 1 != 0) {
+                (true, false) if mask.is_none() => mask = Some(image),
+                (true, false) => return Err(Fault::Contradictory("it has two masks".to_owned())),
+                (false, false) if full.is_none() => full = Some(image),
+                (false, false) => others += 1,
+                (_, true) => {}
+            }
+            index += 1;
+            next = tags.next();
         }
-        let tags = file.read_directory(directory).map_err(fault)?;
-        let kind = file.read_directory_tags(&tags).find_tag_unsigned::<u64>(Tag::NewSubfileType).map_err(fault)?.unwrap_or(0);
-        match (kind & 4 != 0, kind & 1 != 0) {
-            (true, false) if mask.is_none() => mask = Some(Mask { index, directory }),
-            (true, false) => return Err(Fault::Contradictory("it has two masks".to_owned())),
-            (false, false) => other_images += 1,
-            (_, true) => {}
-        }
-        next = tags.next();
+        let main = full.unwrap_or(Place { index: 0, directory: first });
+        Ok(Images { main, mask: mask.filter(|mask| mask.index != main.index), others, is_reduced: full.is_none() })
     }
-    Ok((mask, other_images))
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let number = self.main.index + 1;
+        if self.is_reduced {
+            notes.push(
+                "the file says that its first image is of reduced resolution or a mask, but has no other; that image is read".to_owned(),
+            );
+        } else if number > 1 {
+            notes.push(format!(
+                "image {number} of the file is read, the first one of full resolution; those before it are thumbnails or masks"
+            ));
+        }
+        if self.others > 0 {
+            let noun = if self.others == 1 { "image" } else { "images" };
+            notes.push(format!("the file has {} more {noun} of full resolution; the first one is read", self.others));
+        }
+        notes
+    }
 }
 
 /// Makes the photometric interpretation of an image read as BlackIsZero, and goes to that image.
 ///
 /// A directory is a count and entries of tag, type, count and value (TIFF 6.0, section 2). In BigTIFF, counts and values have 8 bytes.
-fn read_as_black_is_zero<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer, index: usize) -> Result<(), Fault> {
-    let patches = photometric_bytes(file, directory).map_err(Fault::of_io)?;
+fn read_as_black_is_zero<R: Read + Seek>(file: &mut File<R>, image: Place) -> Result<(), Fault> {
+    let patches = photometric_bytes(file, image.directory).map_err(Fault::of_io)?;
     file.inner().patches.extend(patches);
-    file.seek_to_image(index).map_err(fault)
+    file.seek_to_image(image.index).map_err(fault)
 }
 
 fn photometric_bytes<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer) -> io::Result<Vec<(u64, u8)>> {
@@ -539,12 +573,12 @@ fn overlap(chunk: Chunk, [x, y, w, h]: [usize; 4]) -> impl Iterator<Item = (usiz
 /// Marks the samples that the mask hides. In the mask, 0 means that there are no data; so does a missing strip or tile.
 fn hide<R: Read + Seek>(
     file: &mut File<R>,
-    mask: &Mask,
+    mask: Place,
     image: &Layout,
     window: [u32; 4],
     absent: &mut Vec<Option<Absent>>,
 ) -> Result<(), Fault> {
-    read_as_black_is_zero(file, mask.directory, mask.index)?;
+    read_as_black_is_zero(file, mask)?;
     let layout = Layout::read(file)?;
     if layout.size != image.size {
         let ([mask_width, mask_height], [width, height]) = (layout.size, image.size);

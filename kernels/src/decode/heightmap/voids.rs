@@ -23,7 +23,10 @@ const SURVEYED: usize = 1 << 16;
 /// Analysis*, 1977).
 const FENCE: f64 = 3.0;
 
-/// The samples without data, and the reasons.
+/// Zeros are far from all other samples if the nearest of these is farther from 0 than this share of their range.
+const ZERO_GAP: f64 = 1.0 / 16.0;
+
+/// The samples without data, and why.
 #[derive(Default)]
 pub(super) struct Found {
     /// Whether each sample has no data; empty if all samples have data.
@@ -120,8 +123,10 @@ pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Fo
     let Some(first) = causes.iter().map(|cause| cause.first).min() else { return Ok(found) };
     found.words = format!("{}; the first at {}", reasons.join(", "), raster.place(first));
     if found.count == stored.len() {
+        let of_transparency =
+            if raster.absent.contains(&Some(Absent::Transparent)) { ", or give --no-data none if alpha says nothing" } else { "" };
         return Err(Fault::Unsupported(format!(
-            "no sample has data ({}); use another file, or choose another part of it with --window",
+            "no sample has data ({}); use another file, or choose another part of it with --window{of_transparency}",
             found.words
         )));
     }
@@ -183,10 +188,9 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
 
 /// Returns a remark about samples that are far from all others, if there are such samples on either side.
 ///
-/// Samples are far from the others if they lie outside the outer fences, which are three interquartile ranges beyond the quartiles, and if
-/// there is a gap of at least three interquartile ranges between them and all samples inside. Steep ground has no such gap: its samples lie
-/// on both sides of a fence. If so many samples equal the median that the quartiles are equal, these samples are left out of the estimate.
-/// At most a quarter of the samples can be found in this way.
+/// Far means: outside the outer fences, three interquartile ranges beyond the quartiles, with a gap of at least three interquartile ranges between
+/// them and all samples inside. Steep ground has no such gap: its samples lie on both sides of a fence. Samples that are equal to the median are left
+/// out if they are so many that the quartiles are equal. At most a quarter of the samples can be found in this way.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));
@@ -228,6 +232,38 @@ pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
         stored.shown(low),
         stored.shown(high)
     ))
+}
+
+/// Returns a note about a block of at least 2 x 2 floats that are exactly 0, if all other samples are far from 0. Programs fill gaps with 0, but 0
+/// may also be the level of a sea.
+pub(super) fn note_of_zeros(raster: &Raster, found: &Found) -> Option<String> {
+    if !raster.depth.is_float() {
+        return None;
+    }
+    let stored = &raster.stored;
+    let mut zeros = Group::default();
+    let (mut low, mut high, mut nearest) = (f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY);
+    for index in (0..stored.len()).filter(|&index| found.has_data(index)) {
+        let value = stored.at(index);
+        if value == 0.0 {
+            zeros.add(index, value);
+        } else {
+            (low, high, nearest) = (low.min(value), high.max(value), nearest.min(value.abs()));
+        }
+    }
+    let width = raster.window[2] as usize;
+    let is_zero = |index: usize| index < stored.len() && found.has_data(index) && stored.at(index) == 0.0;
+    let is_corner = |index: usize| index % width + 1 < width && [0, 1, width, width + 1].into_iter().all(|step| is_zero(index + step));
+    let is_far = zeros.count > 0 && low <= high && nearest > ZERO_GAP * (high - low);
+    (is_far && (zeros.first..stored.len()).any(is_corner)).then(|| {
+        format!(
+            "{} samples are exactly 0 (the first at {}), but all others are {} to {}; if 0 marks missing data, name it with --no-data 0",
+            zeros.count,
+            raster.place(zeros.first),
+            stored.shown(low),
+            stored.shown(high)
+        )
+    })
 }
 
 /// Samples outside a fence.
@@ -409,5 +445,22 @@ mod tests {
         sea.push((900, 30_000.0));
         assert!(remark(&ground(Depth::Single, METRES, &sea)).is_some_and(|said| said.contains("1 sample is 30000")));
         assert_eq!(remark(&ground(Depth::Single, [5.0, 5.0], &[])), None, "all samples are equal");
+    }
+
+    #[test]
+    fn a_block_of_zeros_far_from_all_other_floats_is_remarked() {
+        let note = |raster: &Raster| note_of_zeros(raster, &Found::default());
+        // Columns 5 and 6 of rows 2 and 3; a map is 40 samples wide.
+        let block = [(85, 0.0), (86, 0.0), (125, 0.0), (126, -0.0)];
+        let said = note(&ground(Depth::Single, METRES, &block)).expect("far from 0");
+        assert!(said.starts_with("4 samples are exactly 0 (the first at column 5, row 2), but all others are 300 to"), "{said}");
+        assert!(note(&ground(Depth::Double, [-900.0, -300.0], &block)).is_some_and(|said| said.contains("--no-data 0")));
+        assert_eq!(note(&ground(Depth::Single, METRES, &[])), None);
+        assert_eq!(note(&ground(Depth::Single, METRES, &block[..3])), None, "no block");
+        assert_eq!(note(&ground(Depth::Single, METRES, &[(39, 0.0), (40, 0.0), (79, 0.0), (80, 0.0)])), None, "not beside each other");
+        assert_eq!(note(&ground(Depth::Single, [20.0, 900.0], &block)), None, "a coast");
+        assert_eq!(note(&ground(Depth::Signed16, METRES, &block)), None, "integers");
+        let hidden = Found { mask: (0..1000).map(|index| index == 85).collect(), count: 1, ..Found::default() };
+        assert_eq!(note_of_zeros(&ground(Depth::Single, METRES, &block), &hidden), None, "one of them has no data");
     }
 }

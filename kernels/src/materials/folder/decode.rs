@@ -1,20 +1,18 @@
 //! Decodes image files to texels: PNG, JPEG, TGA and OpenEXR.
 
-use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+use std::io::{BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use glam::DVec3;
-use image::codecs::jpeg::JpegDecoder;
-use image::codecs::png::PngDecoder;
 use image::codecs::tga::TgaDecoder;
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use rayon::prelude::*;
 
 use crate::base::error::one_line;
-use crate::decode::colours::{Colours, unapplied_profile};
+use crate::decode::coded::{Opened, open, undecodable};
+use crate::decode::colours::Colours;
 use crate::decode::fault::Fault;
-use crate::decode::jpeg;
 use crate::decode::openexr::{self, Channel, Part};
 
 /// Largest edge of an image, texels: four times the edge of the largest detail textures. An image of this size takes up to 1.75 GiB of
@@ -67,38 +65,21 @@ pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) ->
     let mut start = Vec::new();
     input.by_ref().take(TGA_HEADER as u64).read_to_end(&mut start).map_err(Fault::Io)?;
     input.rewind().map_err(Fault::Io)?;
+    let pixels = |Opened { decoder, colours }: Opened<'_>| coded(decoder, want, &colours);
     match image::guess_format(&start) {
-        Ok(ImageFormat::Png) => {
-            let colours = Colours::of_png(&mut input).map_err(|error| Fault::Damaged(one_line(&error.to_string())))?;
-            input.rewind().map_err(Fault::Io)?;
-            coded(PngDecoder::with_limits(input, Limits::default()).map_err(undecodable)?, want, &colours)
-        }
-        Ok(ImageFormat::Jpeg) => {
-            let mut bytes = Vec::new();
-            input.read_to_end(&mut bytes).map_err(Fault::Io)?;
-            jpeg::check_end(&bytes)?;
-            coded(JpegDecoder::new(Cursor::new(bytes)).map_err(undecodable)?, want, &Colours::default())
-        }
         Ok(ImageFormat::OpenExr) => exr(openexr::read(input, MAX_EDGE)?, want),
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => pixels(open(input, format)?),
         _ if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga")) => {
             let length = input.seek(SeekFrom::End(0)).map_err(Fault::Io)?;
             input.rewind().map_err(Fault::Io)?;
             check_tga(&start, length)?;
-            coded(TgaDecoder::new(input).map_err(undecodable)?, want, &Colours::default())
+            let mut decoder = TgaDecoder::new(input).map_err(undecodable)?;
+            decoder.set_limits(Limits::default()).map_err(undecodable)?;
+            coded(decoder, want, &Colours::default())
         }
-        Ok(other) => Err(Fault::Unsupported(format!("{other:?} files cannot be read: save it as 8- or 16-bit PNG"))),
+        // This is refused with the name of the format.
+        Ok(other) => pixels(open(input, other)?),
         Err(_) => Err(Fault::Unsupported("not a readable PNG, JPEG, TGA or OpenEXR image: save it again as 8- or 16-bit PNG".to_owned())),
-    }
-}
-
-fn undecodable(error: ImageError) -> Fault {
-    match error {
-        ImageError::IoError(source) => Fault::of_io(source),
-        ImageError::Unsupported(what) => {
-            Fault::Unsupported(format!("it uses a feature that is not supported ({what}): save it as 8- or 16-bit PNG"))
-        }
-        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): resize it")),
-        other => Fault::Damaged(other.to_string()),
     }
 }
 
@@ -139,19 +120,16 @@ fn edge_of(width: u32, height: u32) -> Result<usize, Fault> {
 fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Result<Stored, Fault> {
     let (width, height) = decoder.dimensions();
     let edge = edge_of(width, height)?;
-    decoder.set_limits(Limits::default()).map_err(undecodable)?;
-    // If the metadata cannot be read, the image counts as upright.
+    // Metadata that cannot be read turn nothing.
     if decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms) {
         return Err(Fault::Unsupported("its metadata say that it must be turned or mirrored: save it upright".to_owned()));
     }
     let mut remarks = Vec::new();
     let mut encoding = Encoding::Codes;
     if want == Want::Colour {
-        if let Some(points) = colours.code_points.as_ref().filter(|points| !points.is_srgb) {
-            remarks.push(format!("its {} are not applied: convert it to sRGB", points.text));
-        } else if let Some(profile) = decoder.icc_profile().ok().flatten().as_deref().and_then(unapplied_profile) {
-            remarks.push(format!("{profile} is not applied: convert it to sRGB"));
-        }
+        let profile = decoder.icc_profile().ok().flatten();
+        remarks
+            .extend(colours.unapplied(profile.as_deref()).map(|what| format!("it has {what}, which is not applied: convert it to sRGB")));
         if colours.primaries.is_some() {
             remarks.push("its primaries (cHRM) are not those of sRGB and are not applied: convert it to sRGB".to_owned());
         }
@@ -237,13 +215,12 @@ fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
 
 /// Returns the one to three channels of a part that the map needs; `None`: the part does not have them.
 fn channels_of(part: &Part, want: Want) -> Option<Vec<&Channel>> {
-    let named = |names: &[&str]| names.iter().map(|name| part.channel(name)).collect::<Option<Vec<_>>>();
-    let mut data = part.channels.iter().filter(|channel| !channel.base_name().eq_ignore_ascii_case("a"));
-    let single = data.next().filter(|_| data.next().is_none()).map(|channel| vec![channel]);
+    let all = part.all();
+    let named = |names: &[&str]| names.iter().map(|name| all.named(name)).collect::<Option<Vec<_>>>();
     let rgb = named(&["R", "G", "B"]);
     match want {
         Want::Vector => rgb.or_else(|| named(&["X", "Y", "Z"])).or_else(|| named(&["R", "G"])).or_else(|| named(&["X", "Y"])),
-        Want::Colour | Want::Number => rgb.or(single),
+        Want::Colour | Want::Number => rgb.or_else(|| Some(vec![all.single()?])),
     }
 }
 

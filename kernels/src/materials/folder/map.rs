@@ -38,8 +38,8 @@ pub struct Map {
     pub remarks: Vec<String>,
 }
 
-/// Reads a map from the contents of a file. `path` is used in error messages. PNG, JPEG and OpenEXR are distinguished by content; anything
-/// else is read as TGA if the extension of `path` is `tga`.
+/// Reads a map from the contents of a file. `path` is used in error messages. PNG, JPEG and OpenEXR are distinguished by content; anything else is
+/// read as TGA if the extension of `path` says so.
 ///
 /// # Errors
 /// If the file is not a readable image, is not square, or is larger than 8192 texels per side; if its values cannot be those of the map, such as a
@@ -154,13 +154,33 @@ fn share(stored: Stored, inverted: bool) -> std::result::Result<Map, String> {
 }
 
 /// Decodes normals, n = 2 value - 1, and scales them to unit length. n = 0 becomes the normal of a flat surface.
-///
-/// Floats count as n itself if x or y is negative, or if the mean of x and y is nearer to 0 than to 0.5. (A texture is flat on average, so
-/// the mean is near 0 for n itself, and near 0.5 for encoded values.) If the file has no z, or if z is the same everywhere and does not
-/// make unit vectors with x and y, the file is a two-channel map: z = sqrt(1 - x² - y²).
 fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, String> {
-    let total = stored.texels.len() as f64;
-    let share_of = |texels: &[[f32; 3]], is: fn(&[f32; 3]) -> bool| count(texels, is) as f64 / total;
+    refuse_grey(&stored)?;
+    let has_z = stored.channels == 3;
+    let is_signed = is_signed(&stored)?;
+    let sign = if convention == Convention::DirectX { -1.0 } else { 1.0 };
+    let mut map = mapped(stored, move |t| {
+        let n = if is_signed { t } else { t.map(|v| 2.0 * v - 1.0) };
+        [n[0], sign * n[1], n[2]]
+    });
+    if is_signed {
+        map.remarks.push("its values are read as -1..1".to_owned());
+    }
+    if has_z && !lacks_z(&map.texels) {
+        check_vectors(&mut map)?;
+    } else {
+        compute_z(&mut map)?;
+    }
+    map.texels.par_iter_mut().for_each(|t| *t = normalize(*t));
+    Ok(map)
+}
+
+fn share_of(texels: &[[f32; 3]], is: impl Fn(&[f32; 3]) -> bool + Sync) -> f64 {
+    count(texels, is) as f64 / texels.len() as f64
+}
+
+/// Refuses a grey image, which is a height or bump map.
+fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
     if stored.channels == 1 {
         return Err("the image is grey, but a normal map needs at least red and green: is it a height or bump map?".to_owned());
     }
@@ -170,60 +190,65 @@ fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, St
     if is_grey && high - low > GREY {
         return Err("red, green and blue are equal, as in a height or bump map, but not in a normal map: give the normal map".to_owned());
     }
-    let has_z = stored.channels == 3;
+    Ok(())
+}
+
+/// Whether the values are n itself rather than (n + 1) / 2. Values that are neither are refused.
+///
+/// Floats hold n itself if x or y is negative, or if their mean is nearer to 0 than to 0.5: a texture is flat on average.
+fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     let is_signed = stored.encoding == Encoding::Floats && {
-        let mean = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>() / (2.0 * total);
-        range(&stored.texels, 2).0 < -OVERSHOOT || mean < 0.25
+        let sum = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>();
+        range(&stored.texels, 2).0 < -OVERSHOOT || sum / (2.0 * stored.texels.len() as f64) < 0.25
     };
+    let (low, high) = range(&stored.texels, stored.channels);
     let lowest = if is_signed { -1.0 - OVERSHOOT } else { -OVERSHOOT };
     if low < lowest || high > 1.0 + OVERSHOOT {
         return Err(format!("its values reach from {low} to {high}, but normals lie in 0..1 or -1..1: export it again"));
     }
-    let sign = if convention == Convention::DirectX { -1.0 } else { 1.0 };
-    let mut map = mapped(stored, move |t| {
-        let n = if is_signed { t } else { t.map(|v| 2.0 * v - 1.0) };
-        [n[0], sign * n[1], n[2]]
-    });
-    if is_signed {
-        map.remarks.push("its values are read as -1..1".to_owned());
+    Ok(is_signed)
+}
+
+/// Whether z is the same everywhere and cannot be that of unit vectors, so that the file is a two-channel map.
+fn lacks_z(texels: &[[f32; 3]]) -> bool {
+    let is_nearly_always = |is: fn(&[f32; 3]) -> bool| share_of(texels, is) >= NEARLY_ALL;
+    is_nearly_always(|t| t[2].abs() <= CONSTANT_Z)
+        || is_nearly_always(|t| t[2] <= CONSTANT_Z - 1.0)
+        || (is_nearly_always(|t| t[2] >= 1.0 - CONSTANT_Z) && share_of(texels, |t| length(*t) > 1.05) > 1.0 - NEARLY_ALL)
+}
+
+/// Computes z = sqrt(1 - x² - y²).
+fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
+    let outside = share_of(&map.texels, |t| t[0].hypot(t[1]) > 1.05);
+    if outside > 0.5 {
+        return Err(format!(
+            "x and y exceed length 1 in {:.0} % of the texels, so it is not a normal map: give the normal map",
+            100.0 * outside
+        ));
     }
-    let z_is_0 = |t: &[f32; 3]| t[2].abs() <= CONSTANT_Z;
-    let z_is_least = |t: &[f32; 3]| t[2] <= CONSTANT_Z - 1.0;
-    let z_is_1 = |t: &[f32; 3]| t[2] >= 1.0 - CONSTANT_Z;
-    let is_too_long = |t: &[f32; 3]| length(*t) > 1.05;
-    let two_channels = !has_z
-        || share_of(&map.texels, z_is_0) >= NEARLY_ALL
-        || share_of(&map.texels, z_is_least) >= NEARLY_ALL
-        || (share_of(&map.texels, z_is_1) >= NEARLY_ALL && share_of(&map.texels, is_too_long) > 1.0 - NEARLY_ALL);
-    if two_channels {
-        let outside = share_of(&map.texels, |t| t[0].hypot(t[1]) > 1.05);
-        if outside > 0.5 {
-            return Err(format!(
-                "x and y exceed length 1 in {:.0} % of the texels, so it is not a normal map: give the normal map",
-                100.0 * outside
-            ));
-        }
-        map.remarks.push("z is computed from x and y, because the file has no z".to_owned());
-        if outside > 1.0 - NEARLY_ALL {
-            map.remarks.push(format!("x and y exceed length 1 in {:.1} % of the texels", 100.0 * outside));
-        }
-        map.texels.par_iter_mut().for_each(|t| t[2] = (1.0 - t[0] * t[0] - t[1] * t[1]).max(0.0).sqrt());
-    } else {
-        let below = share_of(&map.texels, |t| t[2] < -0.02);
-        if below > 0.5 {
-            return Err(format!(
-                "{:.0} % of its vectors point into the surface, so it is not a tangent-space normal map: give the tangent-space map",
-                100.0 * below
-            ));
-        }
-        let uneven = share_of(&map.texels, |t| (length(*t) - 1.0).abs() > LENGTH);
-        if uneven > 0.5 {
-            map.remarks.push(format!(
-                "the lengths of {:.0} % of its vectors differ from 1 by more than {LENGTH}; they are scaled to 1",
-                100.0 * uneven
-            ));
-        }
+    map.remarks.push("z is computed from x and y, because the file has no z".to_owned());
+    if outside > 1.0 - NEARLY_ALL {
+        map.remarks.push(format!("x and y exceed length 1 in {:.1} % of the texels", 100.0 * outside));
     }
-    map.texels.par_iter_mut().for_each(|t| *t = normalize(*t));
-    Ok(map)
+    map.texels.par_iter_mut().for_each(|t| t[2] = (1.0 - t[0] * t[0] - t[1] * t[1]).max(0.0).sqrt());
+    Ok(())
+}
+
+/// Refuses vectors that point into the surface, and remarks on lengths that differ from 1.
+fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
+    let below = share_of(&map.texels, |t| t[2] < -0.02);
+    if below > 0.5 {
+        return Err(format!(
+            "{:.0} % of its vectors point into the surface, so it is not a tangent-space normal map: give the tangent-space map",
+            100.0 * below
+        ));
+    }
+    let uneven = share_of(&map.texels, |t| (length(*t) - 1.0).abs() > LENGTH);
+    if uneven > 0.5 {
+        map.remarks.push(format!(
+            "the lengths of {:.0} % of its vectors differ from 1 by more than {LENGTH}; they are scaled to 1",
+            100.0 * uneven
+        ));
+    }
+    Ok(())
 }

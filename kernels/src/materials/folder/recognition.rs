@@ -186,6 +186,13 @@ impl Candidate {
     fn source(&self, reading: Reading) -> Source {
         Source { file: self.file.clone(), reading, tile_m: self.label.tile_m }
     }
+
+    /// The source of a map that is one channel of this packed map; `None`: it does not hold the map. `reading`: how to read a channel.
+    fn channel(&self, held: Held, reading: fn(usize) -> Reading) -> Option<Source> {
+        let Kind::Packed(channels) = self.label.kind else { return None };
+        let channel = channels.iter().position(|&in_channel| in_channel == held)?;
+        Some(self.source(reading(channel)))
+    }
 }
 
 /// The files of a folder that belong to one material, before one file per map is chosen.
@@ -291,83 +298,54 @@ impl Set {
 
     /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
     ///
-    /// If there are several files for one map, they are compared by these criteria, in this order: the same material in the name as in the
-    /// name of the albedo; a format that can be read; for normal maps, the convention (OpenGL before an unstated convention, and this
-    /// before DirectX); a finer level of detail; a higher resolution up to 8192, if all names state one. Roughness comes from a roughness
+    /// Of several files for one map, those count that have the same material in their names as the albedo. Of these, the normal map for OpenGL counts
+    /// before one without a convention, and that before one for DirectX; a finer level of detail before a coarser one; a higher resolution, up to
+    /// 8192, before a lower one, if all names state it. Files that cannot be read count only if there are no others. Roughness comes from a roughness
     /// map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
     ///
     /// # Errors
     /// One line: a map is missing, or two files remain for the same map.
     pub fn choose(self, folder: &Path, files: &[PathBuf]) -> Result<Recognised, String> {
         let mut chooser = Chooser { left: self.candidates, owner: None, unused: Vec::new(), folder };
+        let share = Reading::Share { channel: None, inverted: false };
         let albedo = chooser.one("albedo", |kind| kind == Kind::Albedo)?;
         chooser.owner = albedo.as_ref().map(|albedo| albedo.key.clone());
-        let normal = chooser.one("normal", |kind| matches!(kind, Kind::Normal(_)))?;
-        let height = chooser.one("height", |kind| kind == Kind::Height)?;
-        let roughness = chooser.one("roughness", |kind| kind == Kind::Roughness)?;
-        let is_gloss = |kind: Kind| kind == Kind::Smoothness;
-        let smoothness = if roughness.is_some() {
-            chooser.drop_all(is_gloss, "the roughness map is used");
-            None
-        } else {
-            chooser.one("gloss", is_gloss)?
-        };
-        let occlusion = chooser.one("ambient occlusion", |kind| kind == Kind::Occlusion)?;
-
-        let wanted = [
-            (Held::Height, height.is_none()),
-            (Held::Roughness, roughness.is_none() && smoothness.is_none()),
-            (Held::Occlusion, occlusion.is_none()),
-        ];
-        let is_useful = |kind: Kind| match kind {
-            Kind::Packed(channels) => wanted.iter().any(|&(held, is_missing)| is_missing && channels.contains(&held)),
-            _ => false,
-        };
-        let packed = chooser.one("packed", is_useful)?;
-        chooser.drop_all(|kind| matches!(kind, Kind::Packed(_)), "all its maps are there as files of their own");
-        let from_packed = |held: Held, reading: fn(usize) -> Reading| {
-            let packed = packed.as_ref()?;
-            let Kind::Packed(channels) = packed.label.kind else { return None };
-            let channel = channels.iter().position(|&in_channel| in_channel == held)?;
-            Some(packed.source(reading(channel)))
-        };
-        let share = |inverted| Reading::Share { channel: None, inverted };
-        let packed_share = |channel| Reading::Share { channel: Some(channel), inverted: false };
-
         let albedo = albedo.map(|c| c.source(Reading::Colour));
-        let normal = normal.map(|c| match c.label.kind {
+        let normal = chooser.one("normal", |kind| matches!(kind, Kind::Normal(_)))?.map(|c| match c.label.kind {
             Kind::Normal(convention) => c.source(Reading::Normal(convention)),
             _ => c.source(Reading::Normal(Convention::Unstated)),
         });
-        let height =
-            height.map(|c| c.source(Reading::Height(None))).or_else(|| from_packed(Held::Height, |channel| Reading::Height(Some(channel))));
-        let roughness = roughness
-            .map(|c| c.source(share(false)))
-            .or_else(|| smoothness.map(|c| c.source(share(true))))
-            .or_else(|| from_packed(Held::Roughness, packed_share));
-        let occlusion = occlusion.map(|c| c.source(share(false))).or_else(|| from_packed(Held::Occlusion, packed_share));
-        match (albedo, normal, height, roughness) {
-            (Some(albedo), Some(normal), Some(height), Some(roughness)) => {
-                Ok(Recognised { albedo, normal, height, roughness, occlusion, notes: self.notes, unused: chooser.unused })
-            }
-            (albedo, normal, height, roughness) => {
-                let all = [
-                    ("albedo", albedo.is_some()),
-                    ("normal", normal.is_some()),
-                    ("height", height.is_some()),
-                    ("roughness", roughness.is_some()),
-                ];
-                let missing: Vec<&str> = all.iter().filter(|(_, is_there)| !is_there).map(|&(name, _)| name).collect();
-                let there = if files.is_empty() { "nothing".to_owned() } else { few(files.iter().map(|file| shown_name(file))) };
-                let example = missing.first().copied().unwrap_or_default();
-                Err(format!(
-                    "no {} map in {} (the folder contains: {there}); add it, with a name such as {example}.png",
-                    missing.join(", no "),
-                    shown(folder)
-                ))
-            }
-        }
+        let height = chooser.one("height", |kind| kind == Kind::Height)?.map(|c| c.source(Reading::Height(None)));
+        let roughness = chooser.roughness()?;
+        let occlusion = chooser.one("ambient occlusion", |kind| kind == Kind::Occlusion)?.map(|c| c.source(share));
+
+        let wanted = [(Held::Height, &height), (Held::Roughness, &roughness), (Held::Occlusion, &occlusion)];
+        let wanted: Vec<Held> = wanted.into_iter().filter(|(_, source)| source.is_none()).map(|(held, _)| held).collect();
+        let packed = chooser.packed(&wanted)?;
+        let from_packed = |held: Held, reading: fn(usize) -> Reading| packed.as_ref().and_then(|c| c.channel(held, reading));
+        let packed_share = |channel| Reading::Share { channel: Some(channel), inverted: false };
+        let height = height.or_else(|| from_packed(Held::Height, |channel| Reading::Height(Some(channel))));
+        let roughness = roughness.or_else(|| from_packed(Held::Roughness, packed_share));
+        let occlusion = occlusion.or_else(|| from_packed(Held::Occlusion, packed_share));
+
+        let required = [("albedo", &albedo), ("normal", &normal), ("height", &height), ("roughness", &roughness)];
+        let missing: Vec<&str> = required.into_iter().filter(|(_, source)| source.is_none()).map(|(name, _)| name).collect();
+        let (Some(albedo), Some(normal), Some(height), Some(roughness)) = (albedo, normal, height, roughness) else {
+            return Err(missing_maps(&missing, folder, files));
+        };
+        Ok(Recognised { albedo, normal, height, roughness, occlusion, notes: self.notes, unused: chooser.unused })
     }
+}
+
+/// The message for a folder that lacks maps. `files`: the files of the folder.
+fn missing_maps(missing: &[&str], folder: &Path, files: &[PathBuf]) -> String {
+    let there = if files.is_empty() { "nothing".to_owned() } else { few(files.iter().map(|file| shown_name(file))) };
+    let example = missing.first().copied().unwrap_or_default();
+    format!(
+        "no {} map in {} (the folder contains: {there}); add it, with a name such as {example}.png",
+        missing.join(", no "),
+        shown(folder)
+    )
 }
 
 /// Chooses files from the candidates of a set.
@@ -389,6 +367,28 @@ impl Chooser<'_> {
     fn drop_all(&mut self, is_wanted: impl Fn(Kind) -> bool, reason: &str) {
         let dropped = self.take(is_wanted);
         self.unused.extend(dropped.iter().map(|c| Unused::new(&c.file, reason)));
+    }
+
+    /// Chooses the roughness map, or a gloss map if there is none.
+    fn roughness(&mut self) -> Result<Option<Source>, String> {
+        let is_gloss = |kind: Kind| kind == Kind::Smoothness;
+        let share = |inverted| Reading::Share { channel: None, inverted };
+        if let Some(roughness) = self.one("roughness", |kind| kind == Kind::Roughness)? {
+            self.drop_all(is_gloss, "the roughness map is used");
+            return Ok(Some(roughness.source(share(false))));
+        }
+        Ok(self.one("gloss", is_gloss)?.map(|gloss| gloss.source(share(true))))
+    }
+
+    /// Chooses a packed map that holds at least one of the wanted maps.
+    fn packed(&mut self, wanted: &[Held]) -> Result<Option<Candidate>, String> {
+        let is_useful = |kind: Kind| match kind {
+            Kind::Packed(channels) => wanted.iter().any(|held| channels.contains(held)),
+            _ => false,
+        };
+        let packed = self.one("packed", is_useful)?;
+        self.drop_all(|kind| matches!(kind, Kind::Packed(_)), "all its maps are there as files of their own");
+        Ok(packed)
     }
 
     /// Chooses the file of one map; `None`: there is none.

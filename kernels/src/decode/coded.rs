@@ -1,0 +1,78 @@
+//! Opens PNG and JPEG files: everything up to their pixels.
+
+use std::io::{BufRead, Cursor, Seek};
+
+use image::codecs::jpeg::JpegDecoder;
+use image::codecs::png::PngDecoder;
+use image::{ImageDecoder, ImageError, ImageFormat, Limits};
+
+use super::colours::Colours;
+use super::fault::Fault;
+use super::jpeg;
+use crate::base::error::one_line;
+
+/// A file whose header was read.
+pub struct Opened<'a> {
+    /// Knows the size and the metadata, and decodes the pixels. It allocates at most 512 MiB.
+    pub decoder: Box<dyn ImageDecoder + 'a>,
+    /// What a PNG says about its colours; nothing for JPEG.
+    pub colours: Colours,
+}
+
+/// Opens a file of this format.
+///
+/// # Errors
+/// [`Fault::Io`]: the operating system cannot read the file. [`Fault::Damaged`]: its header is damaged, or a JPEG is truncated.
+/// [`Fault::Unsupported`]: the format is neither PNG nor JPEG, or the decoder does not know a feature. [`Fault::TooLarge`]: a row of pixels is too large.
+pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Result<Opened<'a>, Fault> {
+    let mut opened = match format {
+        ImageFormat::Png => {
+            let colours = Colours::of_png(&mut input).map_err(|error| Fault::Damaged(one_line(&error.to_string())))?;
+            input.rewind().map_err(Fault::of_io)?;
+            let decoder = PngDecoder::with_limits(input, Limits::default()).map_err(undecodable)?;
+            Opened { decoder: Box::new(decoder), colours }
+        }
+        ImageFormat::Jpeg => {
+            let mut bytes = Vec::new();
+            input.read_to_end(&mut bytes).map_err(Fault::of_io)?;
+            jpeg::check_end(&bytes)?;
+            let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(undecodable)?;
+            Opened { decoder: Box::new(decoder), colours: Colours::default() }
+        }
+        other => return Err(Fault::Unsupported(format!("{other:?} files cannot be read: save it as 8- or 16-bit PNG"))),
+    };
+    opened.decoder.set_limits(Limits::default()).map_err(undecodable)?;
+    Ok(opened)
+}
+
+/// The error of a decoder of pictures in our words.
+pub fn undecodable(error: ImageError) -> Fault {
+    match error {
+        ImageError::IoError(source) => Fault::of_io(source),
+        ImageError::Unsupported(what) => {
+            Fault::Unsupported(format!("it uses a feature that is not supported ({what}): save it as 8- or 16-bit PNG"))
+        }
+        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): resize it")),
+        other => Fault::Damaged(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn png_and_jpeg_files_are_opened_and_others_are_not() {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+            let mut file = Cursor::new(Vec::new());
+            image::RgbImage::from_pixel(3, 2, image::Rgb([10, 20, 30])).write_to(&mut file, format).expect("memory");
+            let bytes = file.into_inner();
+            let opened = open(Cursor::new(&bytes), format).unwrap_or_else(|fault| panic!("{fault}"));
+            assert_eq!((opened.decoder.dimensions(), opened.colours), ((3, 2), Colours::default()), "{format:?}");
+            for length in [0, 10, bytes.len() / 2] {
+                assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
+            }
+        }
+        assert!(matches!(open(Cursor::new(b"GIF89a"), ImageFormat::Gif), Err(Fault::Unsupported(_))));
+    }
+}
