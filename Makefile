@@ -13,6 +13,8 @@ OUT ?= out/demo
 # Seconds that `make fuzz` spends on each target.
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := scene definition heightmap material openexr texture cache
+# Lists the mutants of Rust. It is installed into target/tools, so a version that the user has installed is left alone.
+CARGO_MUTANTS := 27.1.0
 
 # Mesa's drivers print a warning if XDG_RUNTIME_DIR is not set, so it is set to a private folder.
 ifeq ($(strip $(XDG_RUNTIME_DIR)),)
@@ -20,10 +22,10 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo app test mutants bench fuzz audit clean
+.PHONY: help setup demo app test mutants mutants-rust bench fuzz audit clean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## checks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu if there is none (Debian 12: from backports)
 	@scripts/setup.sh
@@ -37,7 +39,7 @@ app: setup ## opens the workbench; edited shaders are reloaded at once
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -p workbench -- --shaders kernels/src
 
-test mutants: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
+test mutants mutants-rust: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
 	@scripts/test_setup.sh
 	$(CARGO) fmt --all --check
@@ -52,6 +54,12 @@ mutants: setup ## plants faults in the shaders of STAGE (several: a,b), SAMPLE o
 	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace --test mutants -- --stage "$(or $(STAGE),$(error give STAGE, such as STAGE=lighting))" \
 	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(ALL),--all) $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
+
+mutants-rust: setup ## plants faults in the Rust references (or in FILE, such as shared/noise.rs; several: a,b), SAMPLE of them (100), and lists those that no test notices
+	@[ "$$(target/tools/bin/cargo-mutants mutants --version 2>/dev/null)" = "cargo-mutants $(CARGO_MUTANTS)" ] || \
+	    env -u RUSTC_WORKSPACE_WRAPPER $(CARGO) install --locked --root target/tools --version $(CARGO_MUTANTS) cargo-mutants
+	$(CARGO) test --release --locked --workspace --test mutants -- --rust "$(or $(FILE),references)" \
+	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(AGAIN),--again) $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench

@@ -1,4 +1,5 @@
-//! The test binary `scree`; the list of modules below shows its contents. `memory.rs` and `mutants.rs` are separate binaries.
+//! The test binary `scree`; the list of modules below shows its contents. `memory.rs` and `mutants.rs` are separate binaries. `noise.rs`, `properties.rs` and
+//! `shared.rs` belong to the binary `references` (`references/main.rs`).
 
 #[cfg(test)]
 mod agreement;
@@ -57,14 +58,16 @@ mod motion;
 #[cfg(test)]
 mod mutation;
 #[cfg(test)]
+mod mutation_listed;
+#[cfg(test)]
+mod mutation_results;
+#[cfg(test)]
 mod mutation_text;
 #[cfg(test)]
-mod noise;
+mod noise_frame;
 #[cfg(test)]
 mod noise_stability;
 mod parsers;
-#[cfg(test)]
-mod properties;
 #[cfg(test)]
 mod reload;
 #[cfg(test)]
@@ -79,8 +82,6 @@ mod settings;
 mod shaders;
 #[cfg(test)]
 mod shading;
-#[cfg(test)]
-mod shared;
 #[cfg(test)]
 mod snapshots;
 #[cfg(test)]

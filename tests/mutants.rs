@@ -4,12 +4,14 @@
 //! `SCREE_MUTANT`), so only the shader is compiled again. First the tests of its stage run, in the order of `strength.toml`. With `--all`, a mutant
 //! that passes them is then tested by all tests. A mutant is killed by the first test that fails, by a crash, or by the time limit.
 //!
+//! `make mutants-rust` does the same for Rust ([`rust_mutants`]).
+//!
 //! Without arguments, as `cargo test` calls it, this program checks a fixed list of mutants that must be killed: the negative controls of the test
 //! suite.
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -21,29 +23,34 @@ use clap::Parser;
 use indicatif::ProgressBar;
 use kernels::base::wgsl::{self, Piece, Wgsl};
 use kernels::shared::hash;
+use mutation::results::{Outcome, Row, Table, record, summary};
 use mutation::{Mutant, mutants};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 mod mutation;
+mod rust_mutants;
 
 #[derive(Clone, Parser)]
-#[command(name = "mutants", about = "Plants faults in shaders and counts those that the tests notice")]
+#[command(name = "mutants", about = "Plants faults in shaders or in Rust, and counts those that the tests notice")]
 struct Args {
     /// Stages whose shaders are changed: folders of kernels/src that contain WGSL
-    #[arg(long = "stage", required = true, value_delimiter = ',')]
+    #[arg(long = "stage", required_unless_present = "rust", conflicts_with = "rust", value_delimiter = ',')]
     stages: Vec<String>,
-    /// Number of mutants per stage; mutants that do not compile are not counted
+    /// Rust that is changed: files or folders of kernels/src, such as `shared/noise.rs`, or `references` for all files that strength.toml lists
+    #[arg(long, value_delimiter = ',')]
+    rust: Vec<String>,
+    /// Number of mutants per stage or path; mutants that do not compile are not counted
     #[arg(long, default_value_t = 100)]
     sample: usize,
     /// Seed of the sample
     #[arg(long, default_value_t = 1)]
     seed: u32,
-    /// Number of mutants that are tested at the same time; 0 = one per core
-    #[arg(long, default_value_t = 0)]
+    /// Number of mutants of a stage that are tested at the same time; 0 = one per core
+    #[arg(long, default_value_t = 0, conflicts_with = "rust")]
     jobs: usize,
     /// Run all tests on mutants that survive the tests of their stage
-    #[arg(long)]
+    #[arg(long, conflicts_with = "rust")]
     all: bool,
     /// Test mutants again that survived in earlier calls, for example after a test was added
     #[arg(long)]
@@ -51,7 +58,7 @@ struct Args {
     /// Folder of the results; mutants that already have a row there are not tested again
     #[arg(long, default_value = "out/mutants")]
     out: PathBuf,
-    /// Folder that receives the table of each stage, and the file `strength.csv` with a row for each stage
+    /// Folder that receives the table of each stage or path, and the file `strength.csv` with a row for each
     #[arg(long)]
     record: Option<PathBuf>,
     /// Date that the rows of `strength.csv` contain
@@ -64,6 +71,7 @@ struct Args {
 #[serde(deny_unknown_fields)]
 struct Strength {
     stage: BTreeMap<String, StageTests>,
+    references: References,
     #[serde(default)]
     equivalent: Vec<Equivalent>,
     control: Vec<Control>,
@@ -79,10 +87,19 @@ struct StageTests {
     first: BTreeMap<String, Vec<String>>,
 }
 
+/// The Rust that `make mutants-rust` changes if it is not told which.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct References {
+    /// Files and folders of kernels/src.
+    files: Vec<String>,
+}
+
 /// A mutant that computes the same results as the original for every input that can occur.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Equivalent {
+    /// A shader by its path in kernels/src, or a Rust file by its path from the root.
     file: String,
     /// The line of the original text, without leading and trailing spaces.
     line: String,
@@ -91,6 +108,18 @@ struct Equivalent {
     changes: Vec<String>,
     /// Why no test can notice the change.
     reason: String,
+}
+
+impl Strength {
+    /// Returns the reason why a mutant is equivalent; `None` if it is not known to be. `line`: the text of the changed line, without leading and trailing
+    /// spaces. `changes`: the description of the change, with and without the number of the occurrence.
+    fn reason(&self, file: &str, line: &str, changes: [&str; 2]) -> Option<&str> {
+        let is_it = |known: &&Equivalent| {
+            let is_known = |change: &String| change == "*" || changes.contains(&change.as_str());
+            known.file == file && known.line == line && known.changes.iter().any(is_known)
+        };
+        self.equivalent.iter().find(is_it).map(|known| known.reason.as_str())
+    }
 }
 
 /// A mutant that the named test must notice.
@@ -103,35 +132,10 @@ struct Control {
     test: String,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Outcome {
-    Killed,
-    /// Killed by the time limit.
-    Hung,
-    Survived,
-    Equivalent,
-    NotCompiled,
-}
-
-/// A row of the results.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Row {
-    file: String,
-    line: usize,
-    operator: String,
-    change: String,
-    outcome: Outcome,
-    /// What decided the outcome: the test that failed, the time limit, or the reason why the mutant is equivalent.
-    by: String,
-    seconds: f64,
-    /// Hash of the mutated text, by which a later call recognises the mutant.
-    text: String,
-}
-
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let result = if arguments.iter().any(|argument| argument.starts_with("--stage") || argument == "--help") {
+    let is_run = |argument: &String| ["--stage", "--rust", "--help"].iter().any(|name| argument.starts_with(name));
+    let result = if arguments.iter().any(is_run) {
         run(&Args::parse())
     } else if arguments.is_empty() || arguments.iter().all(|argument| argument == "mutants" || argument.starts_with("--test-threads")) {
         controls()
@@ -238,31 +242,7 @@ impl Runner {
             Some(folder) => command.env("SCREE_MUTANT", folder),
             None => command.env_remove("SCREE_MUTANT"),
         };
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().context("the test binary cannot be started")?;
-        let lines = lines_of(&mut child);
-        let began = Instant::now();
-        let mut passed = 0;
-        let end = loop {
-            match lines.recv_timeout(limit.saturating_sub(began.elapsed())) {
-                Ok(line) if line.ends_with(" ... ok") => passed += 1,
-                Ok(line) if line.ends_with(" ... FAILED") => {
-                    break Some(End::Failed(line.trim_start_matches("test ").trim_end_matches(" ... FAILED").to_owned()));
-                }
-                Ok(_) => {}
-                Err(mpsc::RecvTimeoutError::Timeout) => break Some(End::Hung),
-                Err(mpsc::RecvTimeoutError::Disconnected) => break None,
-            }
-        };
-        if let Some(end) = end {
-            // The process is killed, because it may be stuck in the GPU driver. This also releases its device.
-            let _ = child.kill();
-            child.wait()?;
-            check_interrupted()?;
-            return Ok((end, passed));
-        }
-        let status = child.wait()?;
-        check_interrupted()?;
-        Ok(if status.success() { (End::Passed, passed) } else { (End::Failed(format!("the tests ended with {status}")), passed) })
+        watch(command, limit)
     }
 
     /// Writes the text of a mutant to a folder, calls `then` with this folder, and removes the folder.
@@ -281,6 +261,36 @@ impl Drop for Runner {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.scratch);
     }
+}
+
+/// Starts a test binary, and waits until a test fails, the binary ends, or the time limit is reached. Returns how the run ended, and the number of tests
+/// that passed.
+fn watch(mut command: Command, limit: Duration) -> Result<(End, usize)> {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().context("the test binary cannot be started")?;
+    let lines = lines_of(&mut child);
+    let began = Instant::now();
+    let mut passed = 0;
+    let end = loop {
+        match lines.recv_timeout(limit.saturating_sub(began.elapsed())) {
+            Ok(line) if line.ends_with(" ... ok") => passed += 1,
+            Ok(line) if line.ends_with(" ... FAILED") => {
+                break Some(End::Failed(line.trim_start_matches("test ").trim_end_matches(" ... FAILED").to_owned()));
+            }
+            Ok(_) => {}
+            Err(mpsc::RecvTimeoutError::Timeout) => break Some(End::Hung),
+            Err(mpsc::RecvTimeoutError::Disconnected) => break None,
+        }
+    };
+    if let Some(end) = end {
+        // The process is killed, because it may be stuck in the GPU driver. This also releases its device.
+        let _ = child.kill();
+        child.wait()?;
+        check_interrupted()?;
+        return Ok((end, passed));
+    }
+    let status = child.wait()?;
+    check_interrupted()?;
+    Ok(if status.success() { (End::Passed, passed) } else { (End::Failed(format!("the tests ended with {status}")), passed) })
 }
 
 /// Returns a channel that delivers the lines that a process writes to its standard output.
@@ -375,6 +385,11 @@ fn run(args: &Args) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let args = &Args { out: root.join(&args.out), record: args.record.as_ref().map(|folder| root.join(folder)), ..args.clone() };
     fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}", args.out.display()))?;
+    ensure!(args.sample > 0, "--sample is 0: give at least 1");
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::SeqCst)).context("cannot install a handler for Ctrl-C")?;
+    if !args.rust.is_empty() {
+        return rust_mutants::run(args, &strength, &root);
+    }
     let known: Vec<&str> = strength.stage.keys().map(String::as_str).collect();
     let all = files();
     for stage in &args.stages {
@@ -384,8 +399,6 @@ fn run(args: &Args) -> Result<()> {
             "stage `{stage}` has no tests: add [stage.{stage}] to tests/strength.toml"
         );
     }
-    ensure!(args.sample > 0, "--sample is 0: give at least 1");
-    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::SeqCst)).context("cannot install a handler for Ctrl-C")?;
     let runner = Runner::new()?;
     for stage in &args.stages {
         let began = Instant::now();
@@ -393,7 +406,7 @@ fn run(args: &Args) -> Result<()> {
         let seconds = began.elapsed().as_secs_f64();
         print!("{}", summary(stage, &rows, seconds));
         if let Some(folder) = &args.record {
-            record(folder, stage, args, &rows)?;
+            record(folder, stage, &args.date, args.seed, &rows)?;
         }
     }
     Ok(())
@@ -404,14 +417,21 @@ fn order(seed: u32, index: usize) -> u32 {
     hash::pcg4d([seed, u32::try_from(index).unwrap_or(u32::MAX), 17, 29])[0]
 }
 
+/// Opens the table of a stage or path. Returns the rows of the mutants that need not be tested again, by the hash of their text.
+fn earlier(args: &Args, name: &str) -> Result<(Table, BTreeMap<String, Row>)> {
+    let (table, rows) = Table::open(&args.out.join(format!("{name}-{}.csv", args.seed)))?;
+    let is_kept = |row: &Row| !(args.again && row.outcome == Outcome::Survived);
+    Ok((table, rows.into_iter().filter(is_kept).map(|row| (row.text.clone(), row)).collect()))
+}
+
+fn hash_of(text: &str) -> String {
+    format!("{:016x}", twox_hash::XxHash64::oneshot(0, text.as_bytes()))
+}
+
 fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> Result<Vec<Row>> {
     let groups = &strength.stage[stage].tests;
     let jobs = if args.jobs == 0 { std::thread::available_parallelism()?.get() } else { args.jobs };
-    let table = args.out.join(format!("{stage}-{}.csv", args.seed));
-    let mut known: BTreeMap<String, Row> = read(&table)?.into_iter().map(|row| (row.text.clone(), row)).collect();
-    if args.again {
-        known.retain(|_, row| row.outcome != Outcome::Survived);
-    }
+    let (table, known) = earlier(args, stage)?;
 
     // Without a mutant, each group must match at least one test, and its tests must pass. The time that they take determines the time limit of the
     // group.
@@ -453,7 +473,7 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
             outcome,
             by: by.to_owned(),
             seconds: 0.0,
-            text: format!("{:016x}", twox_hash::XxHash64::oneshot(0, text.as_bytes())),
+            text: hash_of(&text),
         };
         if !compiles(file, &text) {
             rows.push(row(Outcome::NotCompiled, ""));
@@ -462,14 +482,9 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
         compiled += 1;
         let change = mutant.change(file.text);
         let line = line_text(file, &mutant);
-        let is_equivalent = |known: &&Equivalent| {
-            let any = mutant.any_occurrence(file.text);
-            let is_known = |known: &String| [change.as_str(), any.as_str(), "*"].contains(&known.as_str());
-            known.file == file.path && known.line == line && known.changes.iter().any(is_known)
-        };
         let fresh = row(Outcome::Survived, "");
-        match (strength.equivalent.iter().find(is_equivalent), known.get(&fresh.text)) {
-            (Some(known), _) => rows.push(row(Outcome::Equivalent, &known.reason)),
+        match (strength.reason(file.path, line, [&change, &mutant.any_occurrence(file.text)]), known.get(&fresh.text)) {
+            (Some(reason), _) => rows.push(row(Outcome::Equivalent, reason)),
             (None, Some(done)) => rows.push(Row { line: mutant.line, ..done.clone() }),
             (None, None) => jobs_left.push((file, text, fresh)),
         }
@@ -479,11 +494,7 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
     let bar = ProgressBar::new(jobs_left.len() as u64);
     let next = AtomicUsize::new(0);
     let done = Mutex::new(rows);
-    // An interrupted call may have left an empty file.
-    let is_empty = fs::metadata(&table).map_or(true, |data| data.len() == 0);
-    let writer = Mutex::new(csv::WriterBuilder::new().has_headers(is_empty).from_writer(
-        fs::OpenOptions::new().create(true).append(true).open(&table).with_context(|| format!("cannot write {}", table.display()))?,
-    ));
+    let table = Mutex::new(table);
     let work = |worker: usize| -> Result<()> {
         while let Some((file, text, fresh)) = jobs_left.get(next.fetch_add(1, Ordering::Relaxed)) {
             let began = Instant::now();
@@ -493,9 +504,7 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
             if outcome == Outcome::Survived {
                 bar.suspend(|| println!("survived: {}:{} {} ({})", row.file, row.line, row.change, row.operator));
             }
-            let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
-            writer.serialize(&row)?;
-            writer.flush()?;
+            table.lock().unwrap_or_else(PoisonError::into_inner).add(&row)?;
             done.lock().unwrap_or_else(PoisonError::into_inner).push(row);
             bar.inc(1);
         }
@@ -529,71 +538,4 @@ fn verdict(
         }
     }
     Ok((Outcome::Survived, String::new()))
-}
-
-/// Reads the rows of a table; returns no rows if the file does not exist. If an interruption has left an incomplete last row, the row is removed, and
-/// its mutant is tested again.
-fn read(table: &Path) -> Result<Vec<Row>> {
-    if !table.exists() {
-        return Ok(Vec::new());
-    }
-    let mut text = fs::read_to_string(table).with_context(|| format!("cannot read {}", table.display()))?;
-    if let Some(end) = text.rfind('\n').filter(|&end| end + 1 < text.len()) {
-        text.truncate(end + 1);
-        fs::write(table, &text)?;
-    }
-    let rows: Result<Vec<Row>, _> = csv::Reader::from_reader(text.as_bytes()).deserialize().collect();
-    rows.with_context(|| format!("{} is damaged: remove it", table.display()))
-}
-
-fn count(rows: &[Row], outcome: Outcome) -> usize {
-    rows.iter().filter(|row| row.outcome == outcome).count()
-}
-
-/// Returns the killed mutants as a percentage of the killed and the surviving mutants.
-fn rate(rows: &[Row]) -> f64 {
-    let killed = count(rows, Outcome::Killed) + count(rows, Outcome::Hung);
-    100.0 * killed as f64 / (killed + count(rows, Outcome::Survived)).max(1) as f64
-}
-
-fn summary(stage: &str, rows: &[Row], seconds: f64) -> String {
-    let [killed, hung, survived, equivalent, failed] =
-        [Outcome::Killed, Outcome::Hung, Outcome::Survived, Outcome::Equivalent, Outcome::NotCompiled].map(|outcome| count(rows, outcome));
-    let mut text = format!(
-        "{stage}: {:.1} % killed; {killed} by tests, {hung} by the time limit, {survived} survived, {equivalent} equivalent; {failed} did not compile; {seconds:.0} s\n",
-        rate(rows)
-    );
-    for row in rows.iter().filter(|row| row.outcome == Outcome::Survived) {
-        text += &format!("  {}:{} {} ({})\n", row.file, row.line, row.change, row.operator);
-    }
-    text
-}
-
-/// Writes the table of a stage. Adds its row to `strength.csv`, or replaces the earlier row of the stage.
-fn record(folder: &Path, stage: &str, args: &Args, rows: &[Row]) -> Result<()> {
-    fs::create_dir_all(folder)?;
-    let mut csv = csv::Writer::from_path(folder.join(format!("{stage}.csv")))?;
-    csv.write_record(["file", "line", "operator", "change", "outcome", "by"])?;
-    for row in rows {
-        let outcome = serde_json::to_value(row.outcome)?;
-        csv.write_record([&row.file, &row.line.to_string(), &row.operator, &row.change, outcome.as_str().unwrap_or_default(), &row.by])?;
-    }
-    csv.flush()?;
-    let file = folder.join("strength.csv");
-    let head = "stage,date,seed,mutants,killed,hung,survived,equivalent,not_compiled,rate_percent";
-    let old = fs::read_to_string(&file).unwrap_or_default();
-    let mut lines: Vec<String> = old.lines().skip(1).filter(|line| line.split(',').next() != Some(stage)).map(str::to_owned).collect();
-    let counts =
-        [Outcome::Killed, Outcome::Hung, Outcome::Survived, Outcome::Equivalent, Outcome::NotCompiled].map(|outcome| count(rows, outcome));
-    let sampled: usize = counts[..4].iter().sum();
-    let counts = counts.map(|count| count.to_string()).join(",");
-    lines.push(format!("{stage},{},{},{sampled},{counts},{:.1}", args.date, args.seed, rate(rows)));
-    lines.sort();
-    let text = std::iter::once(head.to_owned()).chain(lines).map(|line| line + "\n").collect::<String>();
-    kernels::base::files::write_whole(&file, |temporary| {
-        fs::File::create(temporary)
-            .and_then(|mut file| file.write_all(text.as_bytes()))
-            .map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
-    })?;
-    Ok(())
 }

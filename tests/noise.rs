@@ -1,23 +1,16 @@
 //! Tests the seven kinds of noise. Noise gives each pixel four thresholds in [0, 1), one for each of the four random choices (decisions) of the
-//! shader. The thresholds of each kind must be distributed over pixels and frames as the name of the kind says, and the renderer must use the
-//! requested kind.
+//! shader. The thresholds of each kind must be distributed over pixels and frames as the name of the kind says.
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
 //! (Sidak). Each family also has a mutant that it must reject. `noise_stability` tests that the numbers are uniform and independent, `shared` tests
-//! how hashed cells depend on scale and position, and `agreement` tests that the shader computes the same bits.
+//! how hashed cells depend on scale and position, `agreement` tests that the shader computes the same bits, and `noise_frame` tests that the renderer
+//! uses the requested kind.
 
-use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
-use kernels::base::wgsl;
-use kernels::frame::VariantChoice;
-use kernels::frame::picture::AovSet;
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::{derivatives, hash, select, view};
-use kernels::variant::{Flavour, Variant};
 
-use crate::layouts::constants;
-
-use crate::fixtures::{renderer, request};
+use crate::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
 
 /// Number of samples of a statistic: the number of pixels of five blue-noise masks.
 const SAMPLES: u32 = 5 * RANKS;
@@ -296,33 +289,7 @@ fn masks_hold_every_rank_once() {
 }
 
 #[test]
-fn masks_lie_in_the_buffer_where_the_shader_looks() {
-    let wgsl = constants(&wgsl::pieces(kernels::shared::WGSL));
-    let [x, y] = noise::IGN_SLOPES;
-    let expected = [
-        ("NOISE_MASK_EDGE", EDGE),
-        ("NOISE_MASK_RANKS", RANKS),
-        ("NOISE_MASK_SLICES", SLICES),
-        ("NOISE_IGN_SLOPE_X", x),
-        ("NOISE_IGN_SLOPE_Y", y),
-        ("NOISE_IGN_FRAME", noise::IGN_FRAME),
-        ("NOISE_IGN_WHOLE", noise::IGN_WHOLE),
-        ("NOISE_IGN_REST", noise::IGN_REST),
-        ("NOISE_HASHED_ISOTROPIC", NoiseKind::HashedIsotropic.code()),
-        ("NOISE_HASHED_ANISOTROPIC", NoiseKind::HashedAnisotropic.code()),
-        ("NOISE_WHITE_SCREEN", NoiseKind::WhiteScreen.code()),
-        ("NOISE_WHITE_WORLD", NoiseKind::WhiteWorld.code()),
-        ("NOISE_INTERLEAVED_GRADIENT", NoiseKind::InterleavedGradient.code()),
-        ("NOISE_BLUE", NoiseKind::Blue.code()),
-        ("NOISE_SPATIO_TEMPORAL_BLUE", NoiseKind::SpatioTemporalBlue.code()),
-    ];
-    for (name, host) in expected {
-        assert_eq!(wgsl.get(name), Some(&f64::from(host)), "{name}");
-    }
-    assert_eq!(wgsl.get("NOISE_LEVEL_MIN"), Some(&f64::from(noise::LEVEL_MIN)));
-    assert_eq!(wgsl.get("NOISE_LEVEL_MAX"), Some(&f64::from(noise::LEVEL_MAX)));
-    assert_eq!(wgsl.get("NOISE_LEAST_SHARE"), Some(&noise::LEAST_SHARE));
-    assert_eq!(wgsl.get("NOISE_BORDER"), Some(&noise::BORDER));
+fn each_decision_reads_each_entry_of_its_mask_once() {
     // Each decision shifts the mask or slice by a hashed offset. Whatever the offset, the pixels of an area as large as a mask must together read
     // each entry of the mask or slice exactly once.
     for kind in NoiseKind::ALL {
@@ -443,7 +410,7 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
             position[axis] = random.between(range[0], range[1]) as f32;
             let at = |position| noise::thresholds(kind, &across(axis, position, sector_m, footprint), level, [0; 2], 0, 8, 3)[0];
             let here = at(position);
-            position[axis] = stepped(position[axis], if i % 2 == 0 { steps } else { -steps });
+            position[axis] = stepped(position[axis], if i.is_multiple_of(2) { steps } else { -steps });
             at(position) != here
         };
         f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
@@ -555,53 +522,5 @@ fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
         // Negative controls: another seed, and an eye so much higher that all cells are larger.
         assert!(flips(kind, 700.0, 30.0, 0.01, [8, 9]) > 0.7, "{kind}");
         assert_eq!(flips(kind, 700.0, 30.0, 100.0, [8; 2]) > 0.5, kind != NoiseKind::WhiteWorld, "{kind}");
-    }
-}
-
-// ---------------------------------------------------------------- the frame
-
-#[test]
-fn the_frame_chooses_by_the_noise_asked_for() {
-    let mut renderer = renderer();
-    let base = request(&renderer, "ground").with(|r| {
-        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarCliff));
-        r.outputs.aovs = AovSet::from_names(&["choice"]).expect("known layers");
-    });
-    for kind in NoiseKind::ALL {
-        let mut pictures = Vec::new();
-        // The first kinds need no mask. When a kind with a mask is requested for the first time, its ranks must be uploaded to the device.
-        for (frame, seed) in [(0, 5), (17, 5), (17, 6)] {
-            let request = base.with(|r| {
-                r.shading.noise = kind;
-                r.shading.frame = frame;
-                r.shading.seed = seed;
-            });
-            let picture = renderer.render(&request).expect("renders");
-            let choice: Vec<u32> = picture.values("choice").expect("requested").iter().map(|&c| c as u32).collect();
-            if !matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld) {
-                // Computes the expected choice of a texel in the first tiling, from the bilinear weights of the pixel and the second threshold of the
-                // CPU reference. The flavour far cliff uses the salt 2.
-                let inspected = renderer.drawn_as(&request).and_then(|frame| frame.inspect()).expect("inspects");
-                let differing = |frame: u32, decision: usize| {
-                    let (mut wrong, mut seen) = (0, 0);
-                    for (i, (pixel, &choice)) in (0..).zip(inspected.iter().zip(&choice)).filter(|(_, (_, c))| **c > 0) {
-                        let u = thresholds(kind, [i % request.view.size[0], i / request.view.size[0]], frame, seed, 2)[decision];
-                        wrong += usize::from(select::of_4(pixel.bilinear.map(f64::from), u) != (choice as usize - 1) % 4);
-                        seen += 1;
-                    }
-                    assert!(seen > 1000, "{seen} pixels chose");
-                    f64::from(u32::try_from(wrong).expect("few")) / f64::from(seen)
-                };
-                // In rare cases, rounding puts a sum of weights in f32 on the other side of the threshold.
-                let wrong = differing(frame, 1);
-                assert!(wrong < 1e-3, "{kind}, frame {frame}, seed {seed}: {wrong} of the choices differ");
-                // Negative controls: the threshold of a different decision, and the threshold of the next frame.
-                assert!(differing(frame, 0) > 0.1, "{kind}: the threshold of a different decision passed");
-                assert_eq!(differing(frame + 1, 1) > 0.1, kind.is_per_frame(), "{kind}: the threshold of the next frame");
-            }
-            pictures.push(choice);
-        }
-        assert_eq!(pictures[0] != pictures[1], kind.is_per_frame(), "{kind}: frames 0 and 17");
-        assert_ne!(pictures[1], pictures[2], "{kind}: two seeds");
     }
 }

@@ -148,6 +148,27 @@ fn every_file_declares_what_it_needs_and_no_more() {
 }
 
 #[test]
+fn shared_functions_begin_with_the_topic_of_their_file() {
+    let text = wgsl::joined(&wgsl::pieces(kernels::shared::WGSL));
+    let (module, _) = validate(&text, Capabilities::empty()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
+    // Negative control: WGSL with a vector of the wrong size is invalid.
+    let (right, wrong) = ("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)");
+    assert!(text.contains(right) && validate(&text.replacen(right, wrong, 1), Capabilities::empty()).is_err());
+    let lacks = |file: &Wgsl| -> Vec<String> {
+        let name = file.path.trim_start_matches("shared/");
+        let topic = name.split(['_', '.']).next().expect("split gives at least one part");
+        let functions = file.text.lines().filter(|line| line.starts_with("fn "));
+        functions.filter(|line| !line[3..].starts_with(topic)).map(|line| format!("{name}: `{line}`")).collect()
+    };
+    for file in kernels::shared::WGSL {
+        assert!(lacks(file).is_empty(), "functions without their topic as prefix: {:?}", lacks(file));
+    }
+    // Negative control: a file with another name.
+    assert!(!lacks(&Wgsl::new("shared/other.wgsl", kernels::shared::WGSL[0].text, &[])).is_empty());
+}
+
+#[test]
 fn every_variant_resolves() {
     let shading = shading_module();
     let kernels = || Variant::all().map(Kernel::Variant).chain([Kernel::Generic]);

@@ -1,18 +1,17 @@
 //! Tests `kernels::shared` without a GPU. Its functions exist twice: as a Rust reference and in WGSL. The references are compared with their
-//! formulas, and the WGSL must be valid. `properties.rs` tests symmetries, monotonicity and arguments of arbitrary bit patterns; `noise.rs` and
-//! `noise_stability.rs` test the statistics of noise.
+//! formulas. `properties.rs` tests symmetries, monotonicity and arguments of arbitrary bit patterns; `noise.rs` and `noise_stability.rs` test the
+//! statistics of noise, `agreement.rs` and `shaders.rs` the WGSL.
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
 //! (Sidak). Most tests that compare a function with a formula also try a wrong version of the function (a mutant), which they must reject.
 
-use experiments::stability::noise::{ORIGINS, SECTOR_M, scattered};
-use experiments::stability::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
-use kernels::base::wgsl;
 use kernels::scene::FlavourRules;
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::noise::{HashedPoint, NoiseKind, TwoScales};
 use kernels::shared::real::{Real, add, dot, length, normalize, scale, sub};
 use kernels::shared::{brdf, derivatives, flavour_weights, hash, noise, octahedral, select, splat_blend, tiling, triplanar};
+
+use crate::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
 
 // ---------------------------------------------------------------- tools
 
@@ -102,12 +101,31 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
     }
 }
 
+/// Side of a sector, metres.
+const SECTOR_M: f64 = 64.0;
+
+/// Returns a random place near a sector 1000 km from the origin. Its footprint is between 2^-17 and 2^6 m wide, so that all scales of cells occur.
+fn far_place(i: u32) -> HashedPoint<f64> {
+    let mut random = Random(u64::from(i) << 20);
+    let mut sector = |around: i32| around + random.below(8192) as i32 - 4096;
+    let sector = [sector(15_625), sector(-15_625)];
+    let footprint = random.between(-17.0, 6.0).exp2();
+    HashedPoint {
+        sector,
+        position: [random.between(0.0, SECTOR_M), random.between(0.0, SECTOR_M), random.between(0.0, 3000.0)],
+        sector_m: SECTOR_M,
+        ddx: scale(random.direction(), footprint),
+        ddy: scale(random.direction(), footprint * random.unit()),
+        hash_scale: 1.0,
+    }
+}
+
 type Scales = fn(&HashedPoint<f64>, u32, u32) -> TwoScales<f64>;
 const HASHED: [(&str, Scales); 2] = [("isotropic", noise::isotropic_scales::<f64>), ("anisotropic", noise::anisotropic_scales::<f64>)];
 
 #[test]
 fn hashed_thresholds_are_uniform_in_f32() {
-    let threshold = |i: u32| noise::hashed_isotropic(&as_f32(&scattered(ORIGINS[2].1, i).point), 1, 2).map(f64::from);
+    let threshold = |i: u32| noise::hashed_isotropic(&as_f32(&far_place(i)), 1, 2).map(f64::from);
     let samples: Vec<[f64; 4]> = (0..20_000).map(threshold).collect();
     for i in 0..4 {
         let x: Vec<f64> = samples.iter().map(|s| s[i]).collect();
@@ -152,7 +170,7 @@ fn cells_are_the_same_near_and_far() {
     }
     // f32 finds the same cells as f64, also 1000 km from the origin, because positions are relative to a sector.
     for i in 0..5000 {
-        let small = as_f32(&scattered(ORIGINS[2].1, i).point);
+        let small = as_f32(&far_place(i));
         let exact = HashedPoint {
             sector: small.sector,
             position: small.position.map(f64::from),
@@ -242,7 +260,7 @@ fn noise_kinds_have_names_and_codes() {
     }
     let error = "pink".parse::<NoiseKind>().expect_err("not a kind").to_string();
     assert!(error.contains("pink") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())), "{error}");
-    let point = scattered(0, 3).point;
+    let point = far_place(3);
     assert_eq!(noise::thresholds(NoiseKind::HashedIsotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_isotropic(&point, 4, 5));
     assert_eq!(noise::thresholds(NoiseKind::HashedAnisotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_anisotropic(&point, 4, 5));
     assert_eq!(noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, 4, [1, 2], 3, 4, 5), noise::white_screen::<f64>([1, 2], 3, 4, 5));
@@ -888,54 +906,4 @@ fn fresnel_and_environment_are_in_bounds() {
         );
         assert!(worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5, "the mutant with 1 - n.v passed");
     }
-}
-
-// ---------------------------------------------------------------- shaders
-
-fn joined() -> String {
-    wgsl::joined(&wgsl::pieces(kernels::shared::WGSL))
-}
-
-fn validate(source: &str) -> Result<naga::Module, String> {
-    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
-        .validate(&module)
-        .map_err(|e| e.emit_to_string(source))?;
-    Ok(module)
-}
-
-#[test]
-fn shared_wgsl_is_valid_and_prefixed() {
-    let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
-    assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
-    // Negative control: WGSL with a vector of the wrong size is invalid.
-    assert!(validate(&joined().replacen("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)", 1)).is_err());
-    for file in kernels::shared::WGSL {
-        let name = file.path.trim_start_matches("shared/");
-        let topic = name.split(['_', '.']).next().expect("split gives at least one part");
-        for line in file.text.lines().filter(|l| l.starts_with("fn ")) {
-            assert!(line[3..].starts_with(topic), "{name}: `{line}` lacks its topic as prefix");
-        }
-    }
-}
-
-#[test]
-fn flavour_params_have_the_shaders_layout() {
-    let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
-    let (members, span) = module
-        .types
-        .iter()
-        .find_map(|(_, t)| match &t.inner {
-            naga::TypeInner::Struct { members, span } if t.name.as_deref() == Some("FlavourParams") => Some((members, *span)),
-            _ => None,
-        })
-        .expect("flavour_weights.wgsl declares FlavourParams");
-    macro_rules! fields {
-        ($($field:ident),*) => { vec![$((stringify!($field), std::mem::offset_of!(FlavourParams, $field))),*] };
-    }
-    let host =
-        fields!(far_atlas_m, cliff_far_atlas_m, cliff_near_m, distance_blend, cliff_cos, splat_cos, splat_enabled, vt_enabled, padding);
-    let shader: Vec<_> = members.iter().map(|m| (m.name.as_deref().expect("named"), m.offset as usize)).collect();
-    assert_eq!(shader, host);
-    assert_eq!((span as usize, size_of::<FlavourParams>()), (48, 48));
 }
