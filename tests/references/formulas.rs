@@ -222,8 +222,7 @@ fn hashed_noise_blends_the_two_cells_of_the_paper() {
 
         // The anisotropic kind: the diagonal of a cell spans the pixel, and each axis has its own scale (Wyman & McGuire 2017, listing 3).
         // An axis has at least a sixteenth of the width of the widest.
-        let widths: [f64; 3] =
-            std::array::from_fn(|i| 2.0_f64.sqrt() * point.hash_scale * point.ddx[i].abs().max(point.ddy[i].abs()));
+        let widths: [f64; 3] = std::array::from_fn(|i| 2.0_f64.sqrt() * point.hash_scale * point.ddx[i].abs().max(point.ddy[i].abs()));
         let least = widths.iter().fold(0.0, |a: f64, b| a.max(*b)) / 16.0;
         let axes: [(i32, f64); 3] = std::array::from_fn(|i| scales(widths[i].max(least), along[i]));
         let (k, part) = (axes.map(|a| a.0), axes.map(|a| a.1));
