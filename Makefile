@@ -22,7 +22,7 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo app test mutants mutants-rust bench fuzz audit clean
+.PHONY: help setup demo app test mutants mutants-rust bench judges fuzz audit clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -64,6 +64,10 @@ mutants-rust: setup ## plants faults in the Rust references (or in FILE, such as
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench
 
+judges: setup ## shows clips to ColorVideoVDP and compares perceived noise with its verdicts; installs 6 GB in .judges
+	$(CARGO) build --release --locked -p experiments
+	@scripts/judges/judges.sh target/release/experiments out/judges
+
 # The copied lock file gives the fuzz targets the same versions of dependencies as the workspace. New inputs are written to out/fuzz, so that the
 # corpus in fuzz/corpus does not change. Inputs that cause a crash are written to fuzz/artifacts.
 fuzz: ## feeds arbitrary bytes to every file reader, for FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
@@ -77,6 +81,6 @@ audit: ## licences, advisories, spelling; needs cargo-deny and typos
 	$(CARGO) deny check
 	typos
 
-clean: ## removes build output and the demo's results
+clean: ## removes build output, results in out, and the environment of the judges
 	$(CARGO) clean
-	rm -rf out fuzz/target
+	rm -rf out fuzz/target .judges

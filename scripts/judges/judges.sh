@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Shows clips to ColorVideoVDP and writes notebooks-data/judges, in a Python environment in .judges: `scripts/judges/judges.sh PROGRAM OUT`. PROGRAM is
+# target/release/experiments, OUT a folder for runs. A call that was stopped continues when it is repeated. `scripts/judges/judges.sh --self-test` only
+# tests the scripts.
+#
+# Python's package index has no PyTorch without CUDA for Linux on x86-64, so 3 GB of unused CUDA libraries are installed as well. Where PyTorch's own
+# index can be reached, PIP_EXTRA_INDEX_URL set to its folder `cpu` avoids them.
+set -euo pipefail
+root="$(cd "$(dirname "$0")/../.." && pwd)"
+here="$root/scripts/judges"
+fail() { printf 'judges: %s\n' "$*" >&2; exit 1; }
+if [ "$#" -ne 2 ] && [ "$*" != --self-test ]; then fail "usage: scripts/judges/judges.sh PROGRAM OUT, or --self-test"; fi
+
+python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || fail "the packages need python3 3.11 or later"
+"$root/scripts/environment.sh" judges "$root/.judges" "$here/requirements.txt"
+python=("$root/.judges/bin/python" -B)
+"${python[@]}" "$here/judge.py" --self-test
+[ "$#" -eq 2 ] || exit 0
+
+program="$(realpath "$1")"
+mkdir -p "$2"
+out="$(cd "$2" && pwd)"
+# The second run differs in three lines: the same frames at another rate, without videos.
+sed -e 's/^name = "clips-60"$/name = "clips-30"/' -e 's/frames_per_second = 60/frames_per_second = 30/' -e 's/^video = true$/video = false/' \
+    "$here/clips.toml" >"$out/clips-30.toml"
+[ "$(diff "$here/clips.toml" "$out/clips-30.toml" | grep -c '^>')" -eq 3 ] || fail "clips.toml no longer has the lines that clips-30 replaces"
+"$program" run "$here/clips.toml" "$out/clips-30.toml" --out "$out" --resume
+cd "$root"
+"${python[@]}" "$here/judge.py" --jobs "$(getconf _NPROCESSORS_ONLN)" --out notebooks-data/judges "$out/clips-60" "$out/clips-30"
