@@ -7,6 +7,7 @@ Usage: record.py RUN_FOLDER notebooks-data/NAME   (in the environment that scrip
 """
 
 import csv
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -15,12 +16,23 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+# Version of the tables' columns that this script reads.
+SCHEMA = "2"
 # Metrics whose rows of single frames are omitted. Their rows over all frames are kept.
-PER_FRAME = ["fetches_per_px", "flip_rate", "difference", "flicker", "taa_rejections", "disoccluded", "reference_difference"]
+PER_FRAME = [
+    "fetches_per_px", "flip_rate", "difference", "excess_difference", "residual", "residual_rms", "added", "lost", "perceived_noise",
+    "taa_rejections", "disoccluded", "reference_difference",
+]
+# The columns of headline.csv after view and noise. Of a metric that has a signal, the lit picture counts.
+HEADLINE = ["flip_rate", "clumping", "added"]
 
 
 def main() -> int:
     run, record = Path(sys.argv[1]), Path(sys.argv[2])
+    schema = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["schema"]
+    if schema != SCHEMA:
+        print(f"error: {run}/manifest.json: its schema is {schema}, but this script reads schema {SCHEMA}: repeat the run", file=sys.stderr)
+        return 1
     record.mkdir(parents=True, exist_ok=True)
     table = pq.read_table(run / "metrics.parquet")
     of_frames = pc.is_in(table["metric"], value_set=pa.array(PER_FRAME))
@@ -32,13 +44,14 @@ def main() -> int:
     rows = kept.to_pylist()
     found = {}
     for row in rows:
-        if row["variant"] == "near-cliff" and row["metric"] in ("flip_rate", "clumping") and row["lag"] in (None, 1):
+        shown = row["signal"] == "lit" or row["metric"] != "added"
+        if row["variant"] == "near-cliff" and row["metric"] in HEADLINE and row["lag"] in (None, 1) and shown:
             found.setdefault((row["view"], row["noise"]), {})[row["metric"]] = row["value"]
     with open(record / "headline.csv", "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["view", "noise", "flip_rate", "clumping"])
+        writer.writerow(["view", "noise", *HEADLINE])
         for (view, noise), values in sorted(found.items()):
-            writer.writerow([view, noise, values["flip_rate"], values["clumping"]])
+            writer.writerow([view, noise, *(values[metric] for metric in HEADLINE)])
     print(f"{record}: {len(rows)} of {table.num_rows} rows")
     return 0
 

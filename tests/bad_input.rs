@@ -52,6 +52,9 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&render(&["--aov", "albedo"]), &["--aov", ".exr"]);
     usage_error(&["render", "--camera", "cliff", "--out", "x.exr", "--aov", "albedo,albdo"], &["albdo", "albedo"]);
     usage_error(&["demo", "--seeds", "1"], &["--seeds"]);
+    for wrong in ["0", "-5", "nan", "1e9", "soon"] {
+        usage_error(&["bench", "--budget", wrong], &["--budget", "SECONDS"]);
+    }
     usage_error(&["demo", "--size", "0x0"], &["16384"]);
     usage_error(&["explain"], &["SCENE"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "0", "--out", "y"], &["above 0"]);

@@ -13,7 +13,7 @@ use std::time::Duration;
 use ::experiments::definition::{self, Definition};
 use ::experiments::expectations;
 use ::experiments::row::{COLUMNS, Row};
-use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
+use ::experiments::store::table::{SCHEMA, read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
 use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
 use kernels::frame::FrameSettings;
@@ -93,6 +93,16 @@ fn the_trial_definition_says_what_it_says() {
     let trial = trial();
     assert_eq!(trial.view_names().collect::<Vec<_>>(), ["cliff", "sideways", "turn"]);
     assert!(trial.measures("rmse") && trial.measures("gpu_ms:shading") && !trial.measures("flip") && !trial.measures("nonsense"));
+    assert!(trial.measures("gpu_ratio:shading"));
+    assert_eq!(trial.times_budget_s, definition::TIMES_BUDGET_S);
+    let longer = parse(&edited("times = \"all\"", "times = \"all\"\ntimes_budget_s = 90")).expect("a whole number is a number of seconds");
+    assert_eq!(longer.times_budget_s, 90.0);
+    // A ratio already relates two times, so it needs no `over`.
+    let ratio =
+        parse(&edited("metric = \"gpu_ms:shading\"", "metric = \"gpu_ratio:shading\"").replace("over = { variant = \"auto\" }\n", ""));
+    assert_eq!(ratio.map(|ratio| ratio.expectations[1].over.clone()), Ok(None));
+    // Without the number of invalid pixels, nobody would know that other metrics leave pixels out.
+    assert!(trial.measures("invalid_px"));
     let setting = Some(toml::Value::Float(0.05));
     let scene = trial.scene(&setting, None).expect("the built-in scene");
     assert_eq!((scene.blend.hash_scale, scene.flavours.cliff_near_m, scene.flavours.far_atlas_m), (0.05, 20.0, 300.0));
@@ -194,7 +204,16 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("range = [0.0, 1.0]", "range = [0.0]", &["range"]),
     ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms:shadng\"", &["expect 2, metric", "did you mean `shading`"]),
     ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms\"", &["expect 2, metric", "gpu_ms:shading"]),
-    ("over = { variant = \"auto\" }\n", "", &["expect 2, metric", "give `over`"]),
+    ("over = { variant = \"auto\" }\n", "", &["expect 2, metric", "`gpu_ratio:shading`", "give `over`"]),
+    ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ratio:shadng\"", &["expect 2, metric", "did you mean `shading`"]),
+    ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ratio\"", &["expect 2, metric", "gpu_ratio:shading"]),
+    ("metrics = [\"rmse\", ", "metrics = [\"rmse\", \"gpu_ratio:shading\", ", &["metrics 2", "the key `times` requests"]),
+    ("times = \"all\"", "times = \"all\"\ntimes_budget_s = 0", &["times_budget_s", "is 0, must be above 0 and at most 86400"]),
+    ("times = \"all\"", "times = \"all\"\ntimes_budget_s = -1.5", &["times_budget_s", "is -1.5"]),
+    ("times = \"all\"", "times = \"all\"\ntimes_budget_s = nan", &["times_budget_s", "is NaN"]),
+    ("times = \"all\"", "times = \"all\"\ntimes_budget_s = inf", &["times_budget_s", "is inf"]),
+    ("times = \"all\"", "times = \"all\"\ntimes_budget_s = \"long\"", &["times_budget_s", "invalid type"]),
+    ("times = \"all\"", "time_budget_s = 5", &["unknown key `time_budget_s`", "did you mean `times_budget_s`"]),
     ("over = { variant = \"auto\" }", "over = { variant = \"near-cliff\" }", &["expect 2, over", "always 1"]),
     ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is not a known metric"]),
     ("size = [64, 36]", "size = [64, 36, 2]", &["size", "has 3 entries, must have 2"]),
@@ -247,9 +266,13 @@ fn what_is_missing_or_too_much_is_refused() {
         assert!(refused(&without).contains("set `seeds` to 2"), "{metric}");
     }
     assert!(refused(&edited("times = \"all\"", "times = \"none\"")).contains("`times`"));
+    let ratio = edited("times = \"all\"", "times = \"none\"").replace("gpu_ms:shading", "gpu_ratio:shading");
+    assert!(refused(&ratio).contains("`gpu_ratio:shading` is a time: set `times`"));
     // A scene without a virtual texture cannot be shaded with the flavour of the virtual texture.
     let no_vt = edited("\"flavours.cliff_near_m\" = 20.0", "\"flavours.far_atlas_m\" = 0.0").replace("near-cliff", "vt");
     assert!(refused(&no_vt).contains("no virtual texture"), "{}", refused(&no_vt));
+    let generic = no_vt.replace("\"vt\"", "\"generic-vt\"");
+    assert!(generic != no_vt && refused(&generic).contains("`generic-vt` needs `vt`"), "{}", refused(&generic));
     assert!(parse(&no_vt.replace("\"vt\"", "\"near-cliff\"")).is_ok());
     let many: Vec<String> = (0..1001).map(|i| format!("{}.0", i + 1)).collect();
     assert!(refused(&edited("values = [0.05, 1.0]", &format!("values = [{}]", many.join(", ")))).contains("1000"));
@@ -272,6 +295,21 @@ fn definitions_of_the_repository_are_right() {
         assert_eq!(file.file_stem().unwrap().to_string_lossy(), definition.name, "the file must have the name of the experiment");
         assert!(!definition.expectations.is_empty() && names.insert(definition.name.clone()), "{}", definition.name);
     }
+}
+
+#[test]
+fn definitions_of_scripts_are_right() {
+    let load = |name: &str| {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts").join(name);
+        definition::load(&file).unwrap_or_else(|error| panic!("{error:#}"))
+    };
+    assert!(load("identical.toml").measures("rmse"));
+    // `make judges` needs videos of the lit picture, and at least 24 clips of at least 8 seeds. Each clip is shown at two frame rates.
+    let clips = load("judges/clips.toml");
+    assert!(clips.video && clips.signals.iter().any(|signal| signal == "lit") && clips.measures("perceived_noise"));
+    let count = 2 * clips.view_names().count() * clips.variants.len() * clips.noises.len() * clips.temporal.len();
+    let vary = clips.vary.expect("it varies the seed");
+    assert!(count >= 24 && vary.parameter == "frame.seed" && vary.values.len() >= 8, "{count} clips, {} seeds", vary.values.len());
 }
 
 #[test]
@@ -746,6 +784,31 @@ fn measurers_that_break_their_promise_are_stopped() {
 }
 
 #[test]
+fn the_store_sets_the_columns_that_follow_from_the_metric() {
+    /// Measures rows with wrong units, and with signals that are missing or that the metric does not have.
+    struct Careless;
+    impl Measure for Careless {
+        fn measure(&mut self, _: &Unit, _: &Path, _: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
+            let row = |metric: &str, signal: &str| Row {
+                metric: metric.to_owned(),
+                signal: signal.to_owned(),
+                unit: "wrong".to_owned(),
+                ..Row::default()
+            };
+            Ok(Outcome { rows: vec![row("rmse", ""), row("rmse", "lit"), row("flip_rate", "lit")], times: Vec::new() })
+        }
+    }
+    let folder = Folder::new("careless");
+    let mut run = Run::open(&trial(), &place(&folder.0), &machine()).unwrap();
+    run.carry_out(&mut Careless, &|_, _| {}, &uninterrupted).unwrap();
+    let data = run.finish().unwrap();
+    let found: BTreeSet<(&str, &str, &str)> =
+        data.rows.iter().map(|row| (row.metric.as_str(), row.signal.as_str(), row.unit.as_str())).collect();
+    let expected = [("flip_rate", "", "1"), ("rmse", "albedo", "linear albedo"), ("rmse", "lit", "linear display value")];
+    assert_eq!(found, BTreeSet::from(expected));
+}
+
+#[test]
 fn shards_together_are_the_whole() {
     let (whole, split) = (Folder::new("unsplit"), Folder::new("split"));
     let trial = trial();
@@ -922,11 +985,24 @@ fn foreign_table(file: &Path, schema: &str, notes: bool) {
     }
     group.close().unwrap();
     if notes {
-        for (name, value) in [("scree.schema", "1"), ("scree.rows", "1"), ("scree.xxhash64", "0")] {
+        for (name, value) in [("scree.schema", SCHEMA), ("scree.rows", "1"), ("scree.xxhash64", "0")] {
             writer.append_key_value_metadata(parquet::file::metadata::KeyValue::new(name.to_owned(), value.to_owned()));
         }
     }
     writer.close().unwrap();
+}
+
+/// Returns the error for a table that has the columns of this version and the schema of the version before.
+fn other_version(file: &Path) -> String {
+    write(file, &sample_rows(), 25);
+    let sound = fs::read(file).unwrap();
+    let note = b"scree.schema";
+    let start = sound.windows(note.len()).position(|bytes| bytes == note).expect("the notes") + note.len();
+    let at = start + sound[start..].iter().position(|byte| SCHEMA.as_bytes() == [*byte]).expect("the schema has one digit");
+    let mut bytes = sound;
+    bytes[at] = b'1';
+    fs::write(file, bytes).unwrap();
+    format!("{:#}", read_parquet(file).unwrap_err())
 }
 
 #[test]
@@ -942,6 +1018,8 @@ fn tables_of_others_are_refused_by_what_they_lack() {
     assert!(error("message m { REQUIRED DOUBLE value; }", false).contains("`scree.schema` is missing"));
     assert!(error("message m { REQUIRED DOUBLE value; }", true).contains("column `experiment` is missing"));
     assert!(error("message m { REQUIRED DOUBLE experiment; }", true).contains("column `experiment` has the wrong type"));
+    // A table of another version is refused because of its version, and not because of a column that it lacks.
+    assert!(other_version(&file).contains("its schema is 1, but this version reads schema 2"));
     let all_texts: String = COLUMNS.iter().map(|column| format!("REQUIRED BYTE_ARRAY {} (STRING); ", column.name)).collect();
     assert!(error(&format!("message m {{ {all_texts} }}"), true).contains("column `frame` has the wrong type"));
     let mut text = File::create(&file).unwrap();

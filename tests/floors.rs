@@ -18,8 +18,8 @@ type Floors = [&'static [&'static str]];
 
 /// The modules of `experiments`: first the definition of an experiment, then the parts of a run, its files and its report, then the command line.
 const EXPERIMENTS: &Floors = &[
-    &["process", "metrics", "row", "settings"], // used by everything else
-    &["definition", "judge"],                   // the experiment, and the metrics of pictures
+    &["process", "metrics", "row", "settings", "rounds", "significance"], // used by everything else
+    &["definition", "judge"],                                             // the experiment, and the metrics of pictures
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
     &["runner", "report"], // the runner writes the folder; the report reads it
@@ -59,8 +59,9 @@ const KERNELS: &Floors = &[
     &["geometry"],
     &["virtual_texture", "classification", "motion"],
     &["shading", "temporal"],
-    &["lighting", "composition", "metrics", "inspect"],
+    &["lighting", "metrics", "inspect"],
     &["display"],
+    &["composition"],     // composes pictures, and lights and displays them
     &["frame"],           // the stages in their order
     &["oracle", "probe"], // references and probes that check the others
 ];

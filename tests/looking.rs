@@ -212,7 +212,7 @@ fn every_layer_has_a_legend_of_what_it_shows() {
         let count = match layer {
             Layer::Lit | Layer::Albedo => 0,
             Layer::Normal => 3,
-            Layer::Depth | Layer::Fetches | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias => 1,
+            Layer::Depth | Layer::Fetches | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual => 1,
             Layer::Choice => 9,
             Layer::Mask => {
                 let picture = shown(&mut stage);

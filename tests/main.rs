@@ -6,6 +6,8 @@ mod agreement;
 #[cfg(test)]
 mod bad_input;
 #[cfg(test)]
+mod bias;
+#[cfg(test)]
 mod cases_compare;
 #[cfg(test)]
 mod cases_heightmaps;
@@ -82,6 +84,8 @@ mod settings;
 mod shaders;
 #[cfg(test)]
 mod shading;
+#[cfg(test)]
+mod significance;
 #[cfg(test)]
 mod snapshots;
 #[cfg(test)]

@@ -74,7 +74,7 @@ impl Measure for Fake {
                 let unique = 1.0 + self.calls.get() as f64 + f64::from(std::process::id());
                 let time = if self.times_repeat { self.number(&format!("{}/{variant}", unit.id)) } else { unique };
                 // The store sets the unit.
-                outcome.times.push(Row { unit: "wrong".to_owned(), ..row(variant, "gpu_ms:shading", time) });
+                outcome.times.push(Row { unit: "wrong".to_owned(), standard_error: Some(0.0), ..row(variant, "gpu_ms:shading", time) });
                 continue;
             }
             let reference = [fs::read(own.join(&names[0]))?, fs::read(own.join(&names[1]))?].concat();

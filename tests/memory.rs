@@ -6,8 +6,9 @@ use std::fs;
 use kernels::composition::Layers;
 use kernels::frame::{RenderRequest, Renderer};
 use kernels::gpu::Gpu;
-use kernels::metrics::Meter;
+use kernels::metrics::{Meter, Track, Viewing};
 use kernels::scene;
+use kernels::shared::signal::{self, Signal};
 use kernels::temporal::Resolve;
 use kernels::variant::Variant;
 use kernels::view::camera::Pose;
@@ -42,7 +43,9 @@ fn measured_frames_leave_nothing_behind() {
     let pose = Pose::of(&scene.cameras[1], |x, y| renderer.ground_m(x, y));
     let layers = Layers::new(&gpu, SIZE);
     let flavours = Variant::new(12).expect("both cliffs");
-    let mut meter: Meter = renderer.meter(SIZE, &Resolve::ALL).expect("a meter");
+    let tracks: Vec<Track> = Resolve::ALL.into_iter().flat_map(|resolve| Signal::ALL.map(|signal| Track { signal, resolve })).collect();
+    let mut meter: Meter = renderer.meter(SIZE, &tracks, Some(Viewing::default())).expect("a meter");
+    let reference = vec![signal::pack([0.5; 3], 1, 0); (SIZE[0] * SIZE[1]) as usize];
     let mut frames = |from: u32, to: u32| {
         for frame in from..to {
             let request = RenderRequest::new(pose, SIZE).with(|r| {
@@ -51,7 +54,10 @@ fn measured_frames_leave_nothing_behind() {
             });
             renderer.draw(&request).expect("a frame");
             let frame = renderer.draw_flavours(&request, flavours, &layers).expect("flavours");
-            frame.measure(&layers, &mut meter, &[Some(flavours); 4]).expect("sums");
+            for signal in Signal::ALL {
+                meter.write_reference(&gpu, signal, &reference);
+            }
+            frame.measure(&layers, &mut meter, &vec![Some(flavours); tracks.len()]).expect("sums");
         }
         resident_kib().expect("read above")
     };

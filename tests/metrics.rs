@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use kernels::gpu::Gpu;
-use kernels::metrics::{BINS, BLOCK, FrameSums, LagSums, Meter, Seeds, quantile, reference};
+use kernels::metrics::perceived::{self, perceived_noise};
+use kernels::metrics::{BINS, BLOCK, FrameSums, LagSums, Meter, Residual, Seeds, Track, Viewing, areas, quantile, reference};
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::probe::table::run;
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
 use kernels::shared::motion;
-use kernels::shared::signal;
+use kernels::shared::signal::{self, Signal};
 use kernels::temporal::{self, Resolve, SamplePattern};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -43,9 +44,12 @@ fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
 }
 
 fn meter(gpu: &Gpu, size: [u32; 2], resolves: &[Resolve]) -> Meter {
+    let tracks: Vec<Track> = resolves.iter().map(|&resolve| Track { signal: Signal::Albedo, resolve }).collect();
     let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[kernels::gpu::bindings::Binding::Uniform]);
-    Meter::new(gpu, &layout, size, resolves).expect("the passes compile")
+    Meter::new(gpu, &layout, size, &tracks, Some(VIEWING)).expect("the passes compile")
 }
+
+const VIEWING: Viewing = Viewing { frames_per_second: 60.0, pixels_per_degree: 67.0 };
 
 /// Sizes that are not multiples of the size of a tile, a block or a workgroup. The first is wider than high, the second is higher than wide.
 const RAGGED: [[u32; 2]; 2] = [[93, 61], [61, 93]];
@@ -67,6 +71,15 @@ fn ragged(frame: u32) -> Vec<[u32; 2]> {
         .collect()
 }
 
+/// Returns the picture of [`ragged`], in which some colours are not finite.
+fn ragged_and_invalid(frame: u32) -> Vec<[u32; 2]> {
+    let broken = |i: usize| uniform(i, frame, 28) < 0.02;
+    let pixel = |(i, s): (usize, [u32; 2])| {
+        if broken(i) && signal::is_terrain(s) { signal::pack([0.5, f32::NAN, f32::INFINITY], 4, 1) } else { s }
+    };
+    ragged(frame).into_iter().enumerate().map(pixel).collect()
+}
+
 /// Returns random links for each lag: to a pixel at most two columns and rows away, or to none.
 fn ragged_links(size: [u32; 2]) -> Vec<u32> {
     let [width, height] = size.map(i64::from);
@@ -79,21 +92,25 @@ fn ragged_links(size: [u32; 2]) -> Vec<u32> {
     (0..LAGS as u32).flat_map(|lag| (0..RAGGED_PIXELS).map(move |i| link(lag, i))).collect()
 }
 
+/// Measures one frame. `reference` is the picture of the reference sequence, if there is one.
+fn take(gpu: &Gpu, meter: &mut Meter, picture: &[[u32; 2]], reference: Option<&[[u32; 2]]>) -> FrameSums {
+    meter.write(gpu, 0, picture);
+    if let Some(reference) = reference {
+        meter.write_reference(gpu, Signal::Albedo, reference);
+    }
+    let mut encoder = gpu.encoder("metrics");
+    meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
+    gpu.submit_and_wait(encoder).expect("the device works");
+    meter.read(gpu).expect("the device works").remove(0)
+}
+
 /// Returns the sums of each frame of a sequence without motion.
 fn follow(frames: u32, picture: impl Fn(u32) -> Vec<[u32; 2]>) -> Vec<FrameSums> {
     let gpu = gpu();
     let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
     let (links, positions) = still();
     meter.write_links(gpu, &links, &positions);
-    (0..frames)
-        .map(|frame| {
-            meter.write(gpu, 0, &picture(frame));
-            let mut encoder = gpu.encoder("metrics");
-            meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
-            gpu.submit_and_wait(encoder).expect("the device works");
-            meter.read(gpu).expect("the device works").remove(0)
-        })
-        .collect()
+    (0..frames).map(|frame| take(gpu, &mut meter, &picture(frame), None)).collect()
 }
 
 #[test]
@@ -186,14 +203,15 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
         let mut last = FrameSums::default();
         let pictures: Vec<_> = (0..6).map(picture).collect();
         for picture in &pictures {
-            meter.write(gpu, 0, picture);
-            let mut encoder = gpu.encoder("metrics");
-            meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
-            gpu.submit_and_wait(encoder).expect("the device works");
-            last = meter.read(gpu).expect("the device works").remove(0);
+            last = take(gpu, &mut meter, picture, None);
         }
-        let past: Vec<_> = (0..LAGS).map(|lag| (pictures[4 - lag].as_slice(), &links[lag * PIXELS..(lag + 1) * PIXELS])).collect();
-        let expected = reference::measure(SIZE, &pictures[5], &past, 5 % 4);
+        let of_lag = |lag: usize| reference::Earlier {
+            picture: &pictures[4 - lag],
+            reference: None,
+            links: &links[lag * PIXELS..(lag + 1) * PIXELS],
+        };
+        let past: Vec<_> = (0..LAGS).map(of_lag).collect();
+        let expected = reference::measure(SIZE, &pictures[5], None, &past, 5 % 4);
         for (lag, (found, expected)) in last.lags.iter().zip(&expected.lags).enumerate() {
             let missing = |x: usize| moved && x < 3 * (lag + 1);
             let followed = |at: &usize| lag == 0 || motion::in_quarter([at % width, at / width].map(|n| n as u32), 5 % 4);
@@ -218,51 +236,253 @@ fn sums_of_ragged_pictures_equal_their_reference() {
         let mut meter = meter(gpu, size, &[Resolve::Off]);
         let links = ragged_links(size);
         meter.write_links(gpu, &links, &vec![[0.0; 2]; RAGGED_PIXELS]);
-        // The second sequence finds the pictures of the first one in its buffers, and must not use them.
-        for frames in [0..7u32, 7..10] {
-            let pictures: Vec<_> = frames.map(ragged).collect();
+        // The second sequence finds the pictures of the first one in its buffers, and must not use them. The third has no reference in its second
+        // frame, so residuals are known again from its fourth frame on.
+        for (frames, gap) in [(0..7u32, None), (7..10, None), (10..17, Some(1))] {
+            let pictures: Vec<_> = frames.clone().map(ragged_and_invalid).collect();
+            let references: Vec<_> = frames.map(|frame| ragged_and_invalid(frame + 1000)).collect();
             meter.restart();
+            let mut remembered: Option<Vec<[f64; 2]>> = None;
             for index in 0..pictures.len() {
-                meter.write(gpu, 0, &pictures[index]);
-                let mut encoder = gpu.encoder("metrics");
-                meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
-                gpu.submit_and_wait(encoder).expect("the device works");
-                let found = meter.read(gpu).expect("the device works").remove(0);
-                compare(size, &found, &pictures[..=index], &links);
+                let known = (gap != Some(index)).then_some(references[index].as_slice());
+                let found = take(gpu, &mut meter, &pictures[index], known);
+                let since = gap.filter(|gap| index >= *gap).map_or(0, |gap| gap + 1);
+                compare(size, &found, &pictures[..=index], &references[..=index], since, &links);
+                remembered = known.map(|known| {
+                    let expected =
+                        reference::remember(&pictures[index], known, remembered.as_deref(), &links[..RAGGED_PIXELS], VIEWING.adaptation());
+                    let memory = meter.memory(gpu, 0).expect("the device works");
+                    for (at, (found, expected)) in memory.iter().zip(&expected).enumerate() {
+                        assert_eq!(f64::from(found[1]), expected[1], "frame {index}, pixel {at}");
+                        // A step rounds a number below 2 about four times, and the mean forgets earlier roundings.
+                        let off = (f64::from(found[0]) - expected[0]).abs();
+                        assert!(off <= 16.0 * 2f64.powi(-24), "frame {index}, pixel {at}: {found:?} and not {expected:?}");
+                    }
+                    // Negative control: an eye that does not follow the surface remembers something else.
+                    if index > 2 {
+                        let own: Vec<u32> = (0..RAGGED_PIXELS as u32).collect();
+                        let still = reference::remember(&pictures[index], known, remembered.as_deref(), &own, VIEWING.adaptation());
+                        assert!(still.iter().zip(&expected).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-3).count() > RAGGED_PIXELS / 4);
+                    }
+                    expected
+                });
             }
         }
     }
 }
 
-/// Compares the sums of the last of several pictures with their reference.
-fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], links: &[u32]) {
+/// Compares the sums of the last of several pictures with their sums in the reference. The pictures of the reference sequence are known from frame
+/// `since` on.
+fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], references: &[Vec<[u32; 2]>], since: usize, links: &[u32]) {
     let index = pictures.len() - 1;
-    let of_lag = |lag: usize| (pictures[index - lag - 1].as_slice(), &links[lag * RAGGED_PIXELS..(lag + 1) * RAGGED_PIXELS]);
+    let known = |frame: usize| (frame >= since).then_some(references[frame].as_slice());
+    let of_lag = |lag: usize| reference::Earlier {
+        picture: &pictures[index - lag - 1],
+        reference: known(index - lag - 1),
+        links: &links[lag * RAGGED_PIXELS..(lag + 1) * RAGGED_PIXELS],
+    };
     let past: Vec<_> = (0..LAGS.min(index)).map(of_lag).collect();
-    let expected = reference::measure(size, &pictures[index], &past, index as u32 % 4);
-    assert_eq!((found.terrain, found.fetches), (expected.terrain, expected.fetches), "frame {index}");
+    let expected = reference::measure(size, &pictures[index], known(index), &past, index as u32 % 4);
+    assert_eq!((found.terrain, found.fetches, found.invalid), (expected.terrain, expected.fetches, expected.invalid), "frame {index}");
+    assert!(expected.invalid > 50, "{expected:?}");
     assert_eq!((found.tested, found.rejected), (expected.tested, expected.rejected), "frame {index}");
     for (lag, (found, expected)) in found.lags.iter().zip(&expected.lags).enumerate() {
-        let counts = |sums: &LagSums| [sums.linked, sums.chosen, sums.flipped];
+        let counts = |sums: &LagSums| [sums.linked, sums.chosen, sums.flipped, sums.residual.compared];
         assert_eq!(counts(found), counts(expected), "frame {index}, lag {}", lag + 1);
         assert!(found.terrain == expected.terrain || lag >= index, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
         assert!(expected.chosen > 100 || lag >= index, "frame {index}, lag {}: {expected:?}", lag + 1);
-        // Each tile adds at most 64 numbers below 2 in f32, so a sum has a relative error of at most 64 roundings.
-        let tolerance = 64.0 * 2f64.powi(-24) * expected.difference + 1e-6;
-        assert!((found.difference - expected.difference).abs() <= tolerance, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
+        assert!((expected.residual.compared > 100) == (index > since + lag), "frame {index}, lag {}: {expected:?}", lag + 1);
+        // Each tile adds at most 64 numbers below 2 in f32, so a sum has a relative error of at most 64 roundings. The numbers themselves are
+        // differences of rounded luminances, with an error of a few roundings of a number below 2.
+        let tolerance = |sum: f64| 64.0 * 2f64.powi(-24) * sum + 1e-6;
+        let sums = |sums: &LagSums| {
+            let Residual { sum, square, change_square, reference_square, .. } = sums.residual;
+            [sums.difference, sum, square, change_square, reference_square]
+        };
+        for (found, expected) in sums(found).into_iter().zip(sums(expected)) {
+            assert!((found - expected).abs() <= tolerance(expected), "frame {index}, lag {}: {found} and not {expected}", lag + 1);
+        }
+        // The products have both signs. The scale of their sum is that of the squares.
+        let (found, expected) = (found.residual, expected.residual);
+        let scale = expected.change_square + expected.reference_square;
+        assert!((found.product - expected.product).abs() <= tolerance(scale), "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
     }
-    // A difference that is close to a border between two bins may be counted in either.
-    let (mut off, mut sum, mut filled) = (0i64, 0, 0);
-    for (found, expected) in found.histogram.iter().zip(&expected.histogram) {
-        sum += i64::from(*found) - i64::from(*expected);
-        off = off.max(sum.abs());
-        filled += usize::from(*expected > 0);
+    for (found, expected) in [(&found.histogram, &expected.histogram), (&found.residual_histogram, &expected.residual_histogram)] {
+        // A difference that is close to a border between two bins may be counted in either.
+        let (mut off, mut sum) = (0i64, 0);
+        for (found, expected) in found.iter().zip(expected) {
+            sum += i64::from(*found) - i64::from(*expected);
+            off = off.max(sum.abs());
+        }
+        assert!(off <= 2 && sum == 0, "frame {index}: {found:?} {expected:?}");
     }
-    assert!(off <= 2 && sum == 0, "frame {index}: {:?} {:?}", found.histogram, expected.histogram);
+    let filled = |histogram: &[u32; BINS]| histogram.iter().filter(|n| **n > 0).count();
     assert!(
-        index == 0 || filled > 60 && expected.histogram[0] > 0 && expected.rejected * 10 > expected.tested,
-        "frame {index}: {filled} bins"
+        index == 0 || filled(&expected.histogram) > 60 && expected.histogram[0] > 0 && expected.rejected * 10 > expected.tested,
+        "frame {index}: {} bins",
+        filled(&expected.histogram)
     );
+    assert!(index <= since || filled(&expected.residual_histogram) > 60, "frame {index}");
+}
+
+/// Sums of the residual at lag 1 over all frames of a sequence without motion, and the same for the differences of both sequences: the sum of those of
+/// the stream minus that of the reference.
+fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize, u32) -> f64) -> (Residual, f64) {
+    let gpu = gpu();
+    let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
+    let (links, positions) = still();
+    meter.write_links(gpu, &links, &positions);
+    let picture = |of: &dyn Fn(usize, u32) -> f64, frame: u32| -> Vec<[u32; 2]> { (0..PIXELS).map(|i| grey(of(i, frame), 1)).collect() };
+    let (mut all, mut difference) = (Residual::default(), 0.0);
+    for frame in 0..frames {
+        let sums = take(gpu, &mut meter, &picture(&test, frame), Some(&picture(&truth, frame)));
+        all.add(&sums.lags[0].residual);
+        difference += sums.lags[0].difference;
+    }
+    (
+        all,
+        difference / all.compared as f64
+            - follow(frames, |f| picture(&truth, f)).iter().map(|s| s.lags[0].difference).sum::<f64>() / all.compared as f64,
+    )
+}
+
+#[test]
+fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
+    // q: standard deviation of white detail, which the reference aliases anew in each frame. s: that of white noise of the test. a: a step.
+    const Q: f64 = 0.05;
+    const S: f64 = 0.03;
+    const A: f64 = 0.125;
+    const FRAMES: u32 = 9;
+    let root = PI.sqrt();
+    let noise = |i: usize, f: u32, stream: u32| Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(uniform(i, f, stream));
+    let detail = |i: usize, f: u32| 0.5 + Q * noise(i, f, 50);
+    let own = |i: usize, f: u32| noise(i, f, 51);
+    let flat = |_: usize, _: u32| 0.5;
+    type Luminance<'a> = &'a dyn Fn(usize, u32) -> f64;
+    // name, test, reference, excess difference, residual, added, lost
+    let both = (Q * Q + S * S).sqrt();
+    let cases: [(&str, Luminance<'_>, Luminance<'_>, [f64; 4]); 8] = [
+        ("fresh white noise", &|i, f| 0.5 + S * own(i, f), &flat, [2.0 * S / root, 2.0 * S / root, 2f64.sqrt() * S, 0.0]),
+        ("a constant offset", &|i, f| detail(i, f) + 0.125, &detail, [0.0, 0.0, 0.0, 0.0]),
+        ("fixed noise", &|i, _| 0.5 + S * own(i, 0), &flat, [0.0; 4]),
+        (
+            "a step on half of the pixels, in every second frame",
+            &|i, f| 0.5 + if i % 2 == 0 && f % 2 == 0 { A } else { 0.0 },
+            &flat,
+            [A / 2.0, A / 2.0, A / 2f64.sqrt(), 0.0],
+        ),
+        ("pure blur", &flat, &detail, [-2.0 * Q / root, 2.0 * Q / root, 0.0, 2f64.sqrt() * Q]),
+        ("added noise", &|i, f| detail(i, f) + S * own(i, f), &detail, [2.0 * (both - Q) / root, 2.0 * S / root, 2f64.sqrt() * S, 0.0]),
+        (
+            "blur plus own noise",
+            &|i, f| 0.5 + Q * own(i, f),
+            &detail,
+            [0.0, 2.0 * 2f64.sqrt() * Q / root, 2f64.sqrt() * Q, 2f64.sqrt() * Q],
+        ),
+        (
+            "half blurred, half noisy",
+            &|i, f| if i % 2 == 0 { 0.5 } else { detail(i, f) + 3f64.sqrt() * Q * own(i, f) },
+            &detail,
+            [
+                0.0,
+                (1.0 + 3f64.sqrt()) * Q / root,
+                // dY is 0 on one half and dR + n on the other, with n of variance 6 Q²: g = 1/2. The variance of dY - g dR is then Q² / 2 on the first
+                // half and Q² / 2 + 6 Q² on the other: 3.5 Q² on average.
+                3.5f64.sqrt() * Q,
+                0.5 * 2f64.sqrt() * Q,
+            ],
+        ),
+    ];
+    // Means over 8 x 6144 pixels. Consecutive differences share a frame, which at most doubles the variance of a mean. A difference or square has a
+    // standard deviation of at most twice its mean, so a mean has a relative error of at most 2 sqrt(2 / 49 152) = 1.3 %. The tolerance is 5 of them
+    // times the scale Q or S of the case, plus the rounding of luminances near 1 to f16 in two pictures.
+    let tolerance = 5.0 * 0.013 * 2.0 * Q + 2f64.powi(-12);
+    for (name, test, truth, [excess, mean, added, lost]) in cases {
+        let (sums, old) = residuals(FRAMES, test, truth);
+        let found = [old, sums.mean().expect("pixels"), sums.added().expect("pixels"), sums.lost().expect("pixels")];
+        for (what, (found, expected)) in
+            ["excess difference", "residual", "added", "lost"].iter().zip(found.into_iter().zip([excess, mean, added, lost]))
+        {
+            assert!((found - expected).abs() <= tolerance, "{name}, {what}: {found} and not {expected}");
+        }
+        assert!(sums.rms().expect("pixels") >= sums.mean().expect("pixels") - 1e-9, "{name}");
+    }
+    // The reference against itself has exactly no residual, nothing added and nothing lost.
+    let (itself, _) = residuals(4, detail, detail);
+    assert_eq!((itself.mean(), itself.added(), itself.lost()), (Some(0.0), Some(0.0), Some(0.0)));
+    assert!(itself.reference_square > 0.0);
+}
+
+#[test]
+fn an_error_that_moves_with_the_surface_has_no_residual() {
+    // The picture moves by 3 pixels to the right in each frame. The error is fixed to the surface: it moves, too.
+    let gpu = gpu();
+    let width = SIZE[0] as usize;
+    let surface = |i: usize, frame: usize| (i / width) * 4096 + 2048 + i % width - 3 * frame;
+    let (links, positions) = still();
+    let moved = |(at, &own): (usize, &u32)| {
+        let lag = at / PIXELS + 1;
+        if own as usize % width >= 3 * lag { own - 3 * lag as u32 } else { NO_LINK }
+    };
+    let moved: Vec<u32> = links.iter().enumerate().map(moved).collect();
+    for (links, follows) in [(&moved, true), (&links, false)] {
+        let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
+        meter.write_links(gpu, links, &positions);
+        for frame in 0..6 {
+            // Multiples of 2^-7 below 1 and their sums are exact in f16.
+            let steps = |point: usize, stream: u32, count: f64| (uniform(point, 0, stream) * count).floor() / 128.0;
+            let truth: Vec<_> = (0..PIXELS).map(|i| grey(steps(surface(i, frame), 60, 64.0), 1)).collect();
+            let error = |i: usize| steps(surface(i, frame), 61, 32.0);
+            let test: Vec<_> = (0..PIXELS).map(|i| grey(steps(surface(i, frame), 60, 64.0) + error(i), 1)).collect();
+            let sums = take(gpu, &mut meter, &test, Some(&truth));
+            for lag in 0..LAGS.min(frame) {
+                let residual = sums.lags[lag].residual;
+                // Luminance sums three products, each with a rounding of 2^-25.
+                let still = residual.mean().expect("pixels") < 1e-6;
+                assert_eq!(still, follows, "frame {frame}, lag {}: {residual:?}", lag + 1);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_an_eye_remembers_has_its_closed_forms() {
+    // Fresh white noise of deviation S is reduced by sqrt(a / (2 - a)) in time. The first frames count equally, so after n frames with 1/n > a, the
+    // remembered error is the mean of n frames. Noise that is fixed to the surface is remembered as it is.
+    const S: f64 = 0.05;
+    const FRAMES: u32 = 40;
+    let gpu = gpu();
+    let (links, positions) = still();
+    let truth: Vec<_> = (0..PIXELS).map(|_| grey(0.5, 1)).collect();
+    let a = VIEWING.adaptation();
+    for fresh in [true, false] {
+        let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
+        meter.write_links(gpu, &links, &positions);
+        for frame in 0..FRAMES {
+            let picture: Vec<_> = (0..PIXELS).map(|i| grey(0.5 + S * gaussian(i, if fresh { frame } else { 0 }), 1)).collect();
+            take(gpu, &mut meter, &picture, Some(&truth));
+            let memory = meter.memory(gpu, 0).expect("the device works");
+            let rms = (memory.iter().map(|[m, _]| f64::from(*m).powi(2)).sum::<f64>() / PIXELS as f64).sqrt();
+            // Weight of each frame so far, the latest first.
+            let mut weights = vec![1.0];
+            for n in 2..=frame + 1 {
+                let share = a.max(1.0 / f64::from(n));
+                weights.iter_mut().for_each(|w| *w *= 1.0 - share);
+                weights.push(share);
+            }
+            let norm = if fresh { weights.iter().map(|w| w * w).sum::<f64>().sqrt() } else { 1.0 };
+            // A root of a mean of 6144 squares has a relative deviation of 1 / sqrt(2 x 6144) = 0.9 %. The tolerance is 5 of them.
+            assert!((rms / (S * norm) - 1.0).abs() < 0.045, "frame {frame}: {rms} and not {}", S * norm);
+            if frame + 1 == FRAMES && fresh {
+                assert!((norm / (a / (2.0 - a)).sqrt() - 1.0).abs() < 0.01, "{norm}");
+                // With 20 pixels per degree, the filter correlates 8 neighbours, so the root has a standard deviation of 2.5 %. Near a border, the
+                // filter averages fewer pixels.
+                let noise = perceived_noise(SIZE, &memory, 20.0).expect("pixels");
+                let expected = S * norm * perceived::norm(20.0);
+                assert!((noise / expected - 1.0).abs() < 0.15, "{noise} and not {expected}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -302,6 +522,14 @@ fn seeds_of_ragged_pictures_equal_their_reference() {
                 assert!(close(found.error, expected.error, 3.0 * RAGGED_PIXELS as f64 * 0.1), "{found:?} {expected:?}");
                 assert!(close(found.block_squares, expected.block_squares, expected.pixel_squares), "{found:?} {expected:?}");
                 assert!(close(found.pixel_squares, expected.pixel_squares, expected.pixel_squares), "{found:?} {expected:?}");
+                // Each area adds up at most 256 pixels of three channels.
+                assert_eq!(found.areas.len(), areas(size).iter().product::<u32>() as usize);
+                for (area, expected) in found.areas.iter().zip(&expected.areas) {
+                    assert_eq!(area.terrain, expected.terrain);
+                    assert!(close(area.squared_error, expected.squared_error, expected.squared_error), "{area:?} {expected:?}");
+                    assert!(close(area.error, expected.error, 3.0 * 256.0 * 0.1), "{area:?} {expected:?}");
+                }
+                assert_eq!(found.areas.iter().map(|area| area.terrain).sum::<f64>(), found.terrain);
             }
             let mut encoder = gpu.encoder("seeds");
             seeds.encode_finish(gpu, &mut encoder, &streams, pictures.len() as u32);

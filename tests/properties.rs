@@ -1533,10 +1533,14 @@ proptest! {
     #![proptest_config(cases(4000))]
 
     #[test]
-    fn signals_of_any_bits_are_finite(colour in any_numbers::<f32, 3>(), fetches: u32, choice: u32) {
+    fn signals_of_any_bits_are_finite_or_invalid(colour in any_numbers::<f32, 3>(), fetches: u32, choice: u32) {
         let packed = signal::pack(colour, fetches, choice);
-        prop_assert!(signal::is_terrain(packed) && are_finite(signal::colour(packed)), "{:?}", signal::colour(packed));
-        prop_assert!(signal::luminance(signal::colour(packed)).is_finite());
+        let finite = are_finite(colour);
+        prop_assert_eq!((signal::is_terrain(packed), signal::is_invalid(packed)), (finite, !finite));
+        if finite {
+            prop_assert!(are_finite(signal::colour(packed)), "{:?}", signal::colour(packed));
+            prop_assert!(signal::luminance(signal::colour(packed)).is_finite());
+        }
     }
 
     #[test]

@@ -19,14 +19,15 @@ use crate::workbench::take;
 use crate::fixtures::{request, small_scene, terrain};
 
 const LIGHTING: &str = "lighting/lighting.wgsl";
-const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";
-const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * (sun + sky_diffuse + sky_specular), 1.0);";
+const LIGHT: &str = "lighting/light.wgsl";
+const LIT: &str = "return vec4<f32>(lighting_radiance(surface, ray), 1.0);";
+const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * lighting_radiance(surface, ray), 1.0);";
 /// Returns NaN, infinity and a finite number. The values depend on the pixel, so that the compiler cannot know them.
 const LIT_BY_NO_NUMBER: &str =
     "return vec4<f32>(bitcast<f32>(0x7fc00000u | (index.x & 1u)), bitcast<f32>(0x7f800000u + (index.x - index.x)), 0.25, 1.0);";
 const DISPLAY: &str = "display/display.wgsl";
-const NORMAL: &str = "let n = normal_smoothness.xyz;";
-const NO_SUCH_NAME: &str = "let n = no_such_name.xyz;";
+const NORMAL: &str = "let normal_smoothness = textureLoad(g_normal, index, 0);";
+const NO_SUCH_NAME: &str = "let normal_smoothness = textureLoad(no_such_name, index, 0);";
 
 /// A folder with a copy of the embedded shaders.
 struct Folder(PathBuf);
@@ -132,11 +133,11 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     stays(&mut renderer);
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
 
-    let line = folder.edit(LIGHTING, "let n_dot_v = max(dot(n, v), 1e-3);", "let n_dot_v = max(dot(n, v), vec3<f32>(1e-3));");
+    let line = folder.edit(LIGHT, "let n_dot_v = max(dot(n, v), 1e-3);", "let n_dot_v = max(dot(n, v), vec3<f32>(1e-3));");
     let error = folder.refused(&mut renderer);
-    assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
+    assert!(error.contains(&format!("{LIGHT}:{line}: ")), "{error}");
     stays(&mut renderer);
-    folder.edit(LIGHTING, "max(dot(n, v), vec3<f32>(1e-3))", "max(dot(n, v), 1e-3)");
+    folder.edit(LIGHT, "max(dot(n, v), vec3<f32>(1e-3))", "max(dot(n, v), 1e-3)");
 
     folder.edit(LIGHTING, "fn lighting_fragment(", "fn lighting_fragments(");
     let error = folder.refused(&mut renderer);
@@ -178,14 +179,14 @@ fn a_change_of_the_display_alters_what_is_shown_and_nothing_that_is_measured() {
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
     let request = forced(&renderer, Flavour::FarAtlas.bit()).with(|r| r.outputs.displayed = true);
     let first = draw(&mut renderer, &request);
-    folder.edit(DISPLAY, "texel.rgb * display.exposure", "texel.rgb * display.exposure * 0.0");
+    folder.edit(DISPLAY, "display_encode(texel.rgb,", "display_encode(texel.rgb * 0.0,");
     let report = folder.reload(&mut renderer).expect("compiles");
     assert_eq!((report.files, report.stages), (vec![DISPLAY.to_owned()], vec!["display"]));
     let black = draw(&mut renderer, &request);
     let codes = |picture: &Picture| picture.displayed.clone().expect("asked for");
     assert_eq!(black.hdr, first.hdr);
     assert!(codes(&black).iter().all(|code| code[..3] == [0; 3]) && codes(&first).iter().any(|code| code[..3] != [0; 3]));
-    folder.edit(DISPLAY, "texel.rgb * display.exposure * 0.0", "texel.rgb * display.exposure");
+    folder.edit(DISPLAY, "display_encode(texel.rgb * 0.0,", "display_encode(texel.rgb,");
 
     // With the tone curve `clip`, a channel whose radiance is NaN is displayed as 0, and a channel whose radiance is infinite as 255. The third
     // channel must not be affected.
@@ -219,8 +220,9 @@ fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
     assert!(wanted > 0 && rendered == wanted, "{wanted} pages, {rendered} rendered");
     assert_eq!(pages(&draw(&mut renderer, &request)), (wanted, 0));
     let all = ["geometry", "classification", "virtual texture", "shading", "lighting", "inspect", "composition", "links"];
-    let cases: [(&str, &[&str], bool); 6] = [
+    let cases: [(&str, &[&str], bool); 7] = [
         ("lighting/lighting.wgsl", &["lighting"], false),
+        ("lighting/light.wgsl", &["lighting", "composition"], false),
         ("geometry/stitch.wgsl", &["geometry"], false),
         ("virtual_texture/page.wgsl", &["virtual texture"], true),
         ("virtual_texture/virtual_texture.wgsl", &["virtual texture", "shading"], true),

@@ -12,7 +12,7 @@ use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ::experiments::definition::{self, Definition, Expectation, Import, Motion, MovingView, Reference, Small, Times, Vary};
+use ::experiments::definition::{self, Definition, Expectation, Import, Motion, MovingView, Reference, Small, Times, Vary, Viewing};
 use ::experiments::row::Row;
 use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Manifest, Provenance};
@@ -491,12 +491,14 @@ fn definitions() -> BoxedStrategy<Definition> {
     let middle = (any::<[u32; 2]>(), any::<u32>(), any::<u32>(), texts(), texts(), texts(), texts());
     let vary = option::of((text(), vec(value(), 0..3)).prop_map(|(parameter, values)| Vary { parameter, values }));
     let reference = (any::<u32>(), any::<u32>()).prop_map(|(spp, max_spp)| Reference { spp, max_spp });
-    let tail = (vary, values(), texts(), any::<bool>(), reference, times(), small(), vec(expectation(), 0..3));
-    (head, middle, tail)
-        .prop_map(|(head, middle, tail)| {
+    let viewing =
+        (any_number(), any_number()).prop_map(|(frames_per_second, pixels_per_degree)| Viewing { frames_per_second, pixels_per_degree });
+    let tail = (vary, values(), texts(), any::<bool>(), reference, (times(), any_number()), small(), vec(expectation(), 0..3));
+    (head, middle, tail, (texts(), viewing))
+        .prop_map(|(head, middle, tail, (signals, viewing))| {
             let (name, question, analysis, scene, import, views, moving_views) = head;
             let (size, frames, seeds, variants, estimators, noises, temporal) = middle;
-            let (vary, settings, metrics, video, reference, times, small, expectations) = tail;
+            let (vary, settings, metrics, video, reference, (times, times_budget_s), small, expectations) = tail;
             Definition {
                 name,
                 question,
@@ -515,9 +517,12 @@ fn definitions() -> BoxedStrategy<Definition> {
                 vary,
                 settings,
                 metrics,
+                signals,
+                viewing,
                 video,
                 reference,
                 times,
+                times_budget_s,
                 small,
                 expectations,
                 folder: PathBuf::new(),
@@ -559,11 +564,11 @@ fn definitions_of_the_repository_are_read_as_they_were_written() {
 // ---- Rows and manifests. ----
 
 fn rows() -> BoxedStrategy<Vec<Row>> {
-    let choice = (text(), text(), text(), text(), text(), text(), text(), text(), text());
+    let choice = (text(), text(), text(), text(), text(), text(), text(), text(), text(), text());
     let place = (option::of(any::<u32>()), option::of(any::<u32>()), option::of(any_number()));
-    let row = (choice, place, text(), text(), any_number(), option::of(any_number())).prop_map(
-        |(choice, (frame, lag, frequency), metric, unit, value, standard_error)| {
-            let (experiment, scene, view, variant, estimator, noise, temporal, parameter, setting) = choice;
+    let row = (choice, place, text(), text(), any_number(), option::of(any_number()), option::of(any_number())).prop_map(
+        |(choice, (frame, lag, frequency), metric, unit, value, standard_error, freedom)| {
+            let (experiment, scene, view, variant, estimator, noise, temporal, signal, parameter, setting) = choice;
             Row {
                 experiment,
                 scene,
@@ -572,6 +577,7 @@ fn rows() -> BoxedStrategy<Vec<Row>> {
                 estimator,
                 noise,
                 temporal,
+                signal,
                 parameter,
                 setting,
                 frame,
@@ -581,6 +587,7 @@ fn rows() -> BoxedStrategy<Vec<Row>> {
                 unit,
                 value,
                 standard_error,
+                freedom,
             }
         },
     );
@@ -599,6 +606,7 @@ fn without_payloads(rows: &[Row]) -> Vec<Row> {
         value: plain(row.value),
         frequency: row.frequency.map(plain),
         standard_error: row.standard_error.map(plain),
+        freedom: row.freedom.map(plain),
         ..row.clone()
     };
     rows.iter().map(row).collect()

@@ -97,18 +97,11 @@ fn run_whole(folder: &Folder) -> Whole {
     assert!(said.contains("holds: White noise flips") && said.contains("report.html"), "{said}");
     let tables = bytes(&whole);
     let run = read_run(&Path::new(&whole).join("tiny")).expect("the run is read back");
-    assert!(run.complete && run.rows.iter().any(|r| r.metric == "flicker") && run.rows.iter().all(|r| r.value.is_finite()));
+    assert!(run.complete && run.rows.iter().any(|r| r.metric == "added") && run.rows.iter().all(|r| r.value.is_finite()));
     for name in ["report.html", "report.md", "manifest.json", "reference"] {
         assert!(Path::new(&whole).join("tiny").join(name).exists(), "{name}");
     }
-    // The frames are written as PNG sequences. `judge.txt` contains the command lines of programs that compare a sequence with the reference
-    // sequence.
-    let video = Path::new(&whole).join("tiny").join("video");
-    for name in ["reference-cliff-sideways", "sweep-cliff-sideways-fc5-hashed-off-near-cliff"] {
-        assert_eq!((0..3).filter(|frame| video.join(name).join(format!("{frame:04}.png")).exists()).count(), 3, "{name}");
-    }
-    let judges = fs::read_to_string(video.join("sweep-cliff-sideways-fc5-hashed-off-near-cliff").join("judge.txt")).expect("written");
-    assert!(judges.contains("cvvdp") && judges.contains("../reference-cliff-sideways/%04d.png"), "{judges}");
+    check_videos(&Path::new(&whole).join("tiny").join("video"));
     // A folder that holds a run is not overwritten, and a run cannot be resumed with a different definition.
     failure(&["run", &definition, "--out", &whole], &["--resume"]);
     fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
@@ -116,6 +109,44 @@ fn run_whole(folder: &Folder) -> Whole {
     // The same definition cannot be given twice.
     failure(&["run", &definition, &definition, "--out", &folder.path("twice")], &["is given twice"]);
     Whole { tables, rows: run.rows, took }
+}
+
+/// Checks the PNG sequences of the run. Each is compared with the reference sequence of the same resolve, by the command lines in its `judge.txt`.
+fn check_videos(video: &Path) {
+    let frame = |sequence: &str, frame: u32, of: &str| fs::read(video.join(sequence).join(format!("{frame:04}.{of}")));
+    for resolve in ["off", "exponential"] {
+        let (sequence, reference) =
+            (format!("sweep-cliff-sideways-fc5-hashed-{resolve}-near-cliff"), format!("reference-cliff-sideways-{resolve}"));
+        for name in [&sequence, &reference] {
+            assert!((0..3).all(|i| frame(name, i, "png").is_ok()) && frame(name, 3, "png").is_err(), "{name}");
+        }
+        let judges = fs::read_to_string(video.join(&sequence).join("judge.txt")).expect("written");
+        assert!(judges.contains("cvvdp") && judges.contains(&format!("../{reference}/%04d.png")), "{judges}");
+    }
+    // A history begins with the first frame, and changes the frames after it.
+    let resolved =
+        |i: u32| ["off", "exponential"].map(|resolve| frame(&format!("reference-cliff-sideways-{resolve}"), i, "png").expect("written"));
+    let ([first, first_resolved], [last, last_resolved]) = (resolved(0), resolved(2));
+    assert!(first == first_resolved && last != last_resolved);
+
+    // The links of the first frame lead nowhere. Later, most pixels are linked. The camera steps to the right, so links lead to the right
+    // or to the same column.
+    let (pixels, no_link, no_terrain) = (80 * 72, u32::MAX, u32::MAX - 1);
+    let links = |i: u32| -> Vec<u32> {
+        let bytes = frame("reference-cliff-sideways-off", i, "links").expect("written");
+        bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+    };
+    assert!(links(0).len() == pixels && links(0).iter().all(|&link| link == no_link || link == no_terrain) && links(0).contains(&no_link));
+    let later = links(2);
+    let linked: Vec<(usize, usize)> =
+        later.iter().enumerate().filter(|(_, link)| **link < no_terrain).map(|(at, link)| (at, *link as usize)).collect();
+    let terrain = later.iter().filter(|&&link| link != no_terrain).count();
+    assert!(later.len() == pixels && terrain > pixels / 2 && linked.len() * 10 > terrain * 9, "{} of {terrain}", linked.len());
+    let moved = |(at, link): &(usize, usize)| (*link % 80).cmp(&(at % 80));
+    let [right, left] =
+        [std::cmp::Ordering::Greater, std::cmp::Ordering::Less].map(|way| linked.iter().filter(|pair| moved(pair) == way).count());
+    // Rock within 13.8 m, which is 7.6 % of the terrain, moves by more than half a pixel.
+    assert!(right > linked.len() / 50 && left == 0, "{right} to the right, {left} to the left, of {}", linked.len());
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::path::Path;
 use ::bytes::Bytes;
 use ::experiments::definition::{self, Definition};
 use ::experiments::row::Row;
-use ::experiments::store::table::{read_parquet, write_parquet};
+use ::experiments::store::table::{SCHEMA, read_parquet, write_parquet};
 use ::experiments::store::{Existing, Place, Run, RunData, read_run};
 use ::experiments::unit::{Shard, plan};
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -388,6 +388,62 @@ fn a_damaged_file_of_an_interrupted_run_is_refused_or_done_again() {
         }
     }
     assert!(bench.refused > 250 && bench.accepted > 150, "{} refused, {} accepted", bench.refused, bench.accepted);
+}
+
+/// Replaces the schema in the manifest of a run by that of the version before, as if that version had made the run. Its manifests had no checksum.
+fn make_old(run: &Path) {
+    let file = run.join("manifest.json");
+    let mut manifest: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_slice(&fs::read(&file).expect("a manifest")).expect("an object");
+    assert_eq!(manifest["schema"], SCHEMA, "the manifest records the schema of the tables");
+    manifest.insert("schema".to_owned(), "1".into());
+    manifest.remove("checksum").expect("a checksum");
+    fs::write(&file, serde_json::to_vec_pretty(&manifest).expect("JSON")).expect("writable");
+}
+
+#[test]
+fn a_run_of_an_earlier_schema_is_refused_in_one_line_with_the_remedy() {
+    let folder = Folder::new("store-schema");
+    let trial = trial();
+    let (done, stopped) = (folder.0.join("done"), folder.0.join("stopped"));
+    finished(&trial, &done);
+    interrupted(&trial, &stopped);
+    let is_clear = |error: String| {
+        assert_eq!(error.lines().count(), 1, "{error}");
+        for part in ["manifest.json", "its schema is 1", "this version reads schema 2", "repeat the run with another --out"] {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+    };
+    for run in [&done, &stopped] {
+        make_old(run);
+        is_clear(format!("{:#}", read_run(run).expect_err("another schema")));
+        for existing in [Existing::Resume, Existing::Refuse] {
+            is_clear(format!("{:#}", open(&trial, run, existing).expect_err("another schema")));
+        }
+    }
+    failure(&["report", &done.display().to_string()], &["manifest.json", "its schema is 1", "repeat the run with another --out"]);
+    // `demo` replaces its own earlier run, whatever its schema is.
+    let replaced = open(&trial, &done, Existing::Replace).expect("the earlier run is replaced");
+    assert_eq!(replaced.progress().0, 0, "nothing of it is kept");
+}
+
+/// Other programs read the tables, too. They must read the schema of this version, and say so if a table has another one.
+#[test]
+fn the_notebook_and_its_recorder_read_this_schema() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let recorder = fs::read_to_string(root.join("scripts/record.py")).expect("a script");
+    assert!(recorder.contains(&format!("\nSCHEMA = \"{SCHEMA}\"\n")), "scripts/record.py reads another schema");
+    let notebook = fs::read_to_string(root.join("notebooks-data/headline.ipynb")).expect("a notebook");
+    let notebook: serde_json::Value = serde_json::from_str(&notebook).expect("JSON");
+    let lines: Vec<&str> = notebook["cells"]
+        .as_array()
+        .expect("cells")
+        .iter()
+        .flat_map(|cell| cell["source"].as_array())
+        .flatten()
+        .filter_map(|line| line.as_str())
+        .collect();
+    assert!(lines.contains(&format!("SCHEMA = \"{SCHEMA}\"\n").as_str()), "notebooks-data/headline.ipynb reads another schema");
 }
 
 #[test]

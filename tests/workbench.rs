@@ -406,7 +406,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     let pose = stage.model().shown().expect("a picture").pose;
     let model = stage.model();
     model.settings.scale = 0.1;
-    model.settings.layer = Layer::Albedo;
+    model.settings.layer = Layer::Lit;
     model.settings.frame.noise = NoiseKind::WhiteScreen;
     model.settings.scene.blend.mip_bias = 0.5;
     model.clock.frame = 2;
@@ -583,6 +583,11 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
+    // B stands still, so the change of A - B is the change of A.
+    take(&mut stage, "key Period; key Period");
+    let [moving, standing] = last(&mut stage).sides.map(|side| side.expect("terrain"));
+    let residual = moving.residual.expect("B is drawn");
+    assert!(residual > 1e-3 && (residual / moving.flicker - 1.0).abs() < 1e-3 && standing.residual.is_none(), "{moving:?} {standing:?}");
     // Metrics of a region must use fewer pixels than metrics of the whole picture. Afterwards, the test displays a layer that shows measured values.
     stage.model().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
     take(&mut stage, "key Period");

@@ -11,6 +11,7 @@ use kernels::base::error::one_line;
 use kernels::frame::picture::AOV_NAMES;
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 
+use crate::definition::MAX_TIMES_BUDGET_S;
 use crate::settings::{FrameArgs, SceneArgs, scene_number};
 use crate::unit::Shard;
 
@@ -84,6 +85,8 @@ pub(crate) struct DemoArgs {
 #[command(after_help = "\
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
 manifest.json, pictures/, reference/. `run` only reports an expectation that does not hold; `experiments check` fails instead.
+Times are measured in rounds until each ratio of shading times is known to 5 %, or the definition's `times_budget_s` are spent. Ratios that
+are not known to 5 % are marked as unstable; they take no part in fronts, sentences and expectations.
 --resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are equal to those of an uninterrupted run. Shards may
 run on several machines with equal adapters; `experiments report DIR/<name>` combines them.
 
@@ -126,20 +129,29 @@ pub(crate) struct CheckArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Times of a software adapter can only be compared with each other, so ratios are printed.
+Times of a software adapter can only be compared with each other, so ratios are printed, each with the half-width of its 95 % interval. A round draws
+each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading times, or of each
+share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. What is not known to 5 % then is marked as unstable.
 
-Example:
-  experiments bench --size 960x540 --record notebooks-data/bench.csv")]
+Examples:
+  experiments bench --size 960x540 --record notebooks-data/bench.csv
+  experiments bench --budget 120 --json")]
 pub(crate) struct BenchArgs {
     /// Size of the pictures, pixels
     #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
     pub(crate) size: [u32; 2],
-    /// Number of times that each picture is rendered; the median is used
+    /// Smallest number of timed rounds; the median over the rounds is used. Fewer than 6 have no 95 % interval
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeats: u32,
+    /// Seconds after which no further round begins, for each camera: once for the times of passes, and once for times of the wall clock
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, allow_hyphen_values = true, value_parser = budget)]
+    pub(crate) budget: f64,
     /// CSV file that receives every median
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
+    /// Print the ratios as JSON, by camera and name
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Args, Debug)]
@@ -542,6 +554,15 @@ fn fov(text: &str) -> Result<f64, String> {
     if (1.0..=175.0).contains(&fov) { Ok(fov) } else { Err("must lie in 1..=175 degrees".to_owned()) }
 }
 
+fn budget(text: &str) -> Result<f64, String> {
+    let [budget] = numbers(text, "SECONDS")?;
+    if budget > 0.0 && budget <= MAX_TIMES_BUDGET_S {
+        Ok(budget)
+    } else {
+        Err(format!("must be above 0 and at most {MAX_TIMES_BUDGET_S} s"))
+    }
+}
+
 fn spacing(text: &str) -> Result<f64, String> {
     let [spacing] = numbers(text, "M")?;
     scene_number("world.metres_per_texel", spacing)
@@ -624,6 +645,14 @@ mod tests {
         assert_eq!(pose("-1,2.5,3,-90,10"), Ok([-1.0, 2.5, 3.0, -90.0, 10.0]));
         for wrong in ["1,2,3,4", "1,2,3,4,5,6", "nan,0,0,0,0", "0,0,inf,0,0", "0,0,0,0,91", "1e9,0,0,0,0", "a,b,c,d,e"] {
             assert!(pose(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn budgets() {
+        assert_eq!([budget("30"), budget("0.5"), budget("86400")], [Ok(30.0), Ok(0.5), Ok(MAX_TIMES_BUDGET_S)]);
+        for wrong in ["0", "-1", "nan", "inf", "86401", "", "a", "1,2"] {
+            assert!(budget(wrong).is_err(), "{wrong}");
         }
     }
 

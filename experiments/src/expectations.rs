@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use kernels::shared::signal::Signal;
 use serde::Serialize;
 use toml::Value;
 
 use crate::definition::{Definition, Expectation, setting_text};
 use crate::metrics;
+use crate::rounds::is_stable;
 use crate::row::{Field, Row};
 
 /// The result of comparing a measured value with an expectation.
@@ -50,7 +52,9 @@ fn short(value: f64) -> String {
 /// `where` and `over` are keys of an expectation; they give values of columns. The value is the mean over the rows of the metric that match
 /// `where`. If `over` is given, this mean is divided by a second mean. The rows of the second mean match the columns in `over`, and those
 /// columns of `where` that `over` does not contain. If no `frame` is given and the metric has rows over all frames, only these rows are
-/// used. An expectation is not met if a selection has no rows, a mean is not finite, or the divisor is 0.
+/// used. If no `signal` is given, rows of the lit picture are left out. An expectation is not met if a selection has no rows, a mean is not
+/// finite, or the divisor is 0. An expectation about times or ratios of times is also not met if the 95 % interval of a row is wider than
+/// ± 5 %, because the next run may then give a different answer.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }
@@ -91,6 +95,9 @@ fn value(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Result<(f64,
 fn mean(table: &[Row], metric: &str, selection: &BTreeMap<String, Value>) -> Result<(f64, usize), String> {
     let agreeing = |row: &&Row| row.metric == metric && selection.iter().all(|(column, value)| agrees(row, column, value));
     let mut values: Vec<&Row> = table.iter().filter(agreeing).collect();
+    if !selection.contains_key("signal") {
+        values.retain(|row| row.signal != Signal::Lit.name());
+    }
     if !selection.contains_key("frame") && values.iter().any(|row| row.frame.is_none()) {
         values.retain(|row| row.frame.is_none());
     }
@@ -98,6 +105,16 @@ fn mean(table: &[Row], metric: &str, selection: &BTreeMap<String, Value>) -> Res
         let columns: Vec<String> = selection.iter().map(|(column, value)| format!("{column} = {}", setting_text(value))).collect();
         let place = if columns.is_empty() { String::new() } else { format!(" with {}", columns.join(", ")) };
         return Err(format!("there is no row of {metric}{place}"));
+    }
+    if metrics::is_time(metric) {
+        let unstable = values.iter().filter(|row| !is_stable(row.value, row.standard_error)).count();
+        if unstable > 0 {
+            return Err(format!(
+                "{unstable} of {} rows of {metric} are unstable, their 95 % interval is wider than \u{b1} 5 %: run it again while the machine has nothing \
+                 else to do, or raise `times_budget_s`",
+                values.len()
+            ));
+        }
     }
     let mean = values.iter().map(|row| row.value).sum::<f64>() / values.len() as f64;
     if mean.is_finite() { Ok((mean, values.len())) } else { Err(format!("the mean of {} rows of {metric} is {mean}", values.len())) }
@@ -135,14 +152,29 @@ mod tests {
             row("auto", "rmse", Some(1), None, 3.0),
             row("splat", "rmse", None, None, 8.0),
             row("splat", "rmse", Some(0), None, 100.0),
-            row("auto", "flicker", None, Some(1), 0.5),
-            row("auto", "flicker", None, Some(2), 0.25),
-            row("vt", "flicker", None, Some(1), 0.0),
+            row("auto", "added", None, Some(1), 0.5),
+            row("auto", "added", None, Some(2), 0.25),
+            Row { signal: "lit".to_owned(), ..row("auto", "added", None, Some(1), 0.75) },
+            Row { signal: "albedo".to_owned(), ..row("splat", "added", None, Some(1), 0.125) },
+            Row { signal: "lit".to_owned(), ..row("splat", "added", None, Some(1), 0.375) },
+            row("vt", "added", None, Some(1), 0.0),
             row("vt", "mse", None, None, f64::NAN),
             row("auto", "variance", None, None, 2.0),
             row("auto", "variance_theory", None, None, 2.5),
         ];
-        let times = [row("auto", "gpu_ms:shading", None, None, 2.0), row("splat", "gpu_ms:shading", None, None, 12.0)];
+        // A standard error of 2.5 % gives an interval of ± 4.9 %, and one of 2.6 % gives ± 5.1 %.
+        let time = |variant: &str, metric: &str, value: f64, share: f64| Row {
+            standard_error: Some(share * value),
+            ..row(variant, metric, None, None, value)
+        };
+        let times = [
+            time("auto", "gpu_ms:shading", 2.0, 0.0),
+            time("splat", "gpu_ms:shading", 12.0, 0.025),
+            time("vt", "gpu_ms:shading", 3.0, 0.026),
+            time("splat", "gpu_ratio:shading", 6.5, 0.025),
+            time("vt", "gpu_ratio:shading", 1.5, 0.026),
+            row("far-atlas", "gpu_ratio:shading", None, None, 1.0),
+        ];
         judge(expectation, &rows, &times)
     }
 
@@ -155,10 +187,17 @@ mod tests {
         // If no frame is given, only rows over all frames are used.
         assert_eq!(of("rmse", "variant = 'splat'", None, [0.0, 9.0]).value, 8.0);
         assert_eq!(of("rmse", "variant = 'splat'\nframe = 0", None, [0.0, 9.0]).value, 100.0);
-        assert_eq!(of("flicker", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);
+        assert_eq!(of("added", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);
+        // The lit picture counts only if it is asked for.
+        let (splat, lit) = ("variant = 'splat'\nlag = 1", "variant = 'splat'\nlag = 1\nsignal = 'lit'");
+        assert_eq!(of("added", splat, None, [0.0, 1.0]).value, 0.125);
+        assert_eq!(of("added", lit, None, [0.0, 1.0]).value, 0.375);
+        assert_eq!(of("added", splat, Some("signal = 'lit'"), [0.0, 1.0]).value, 1.0 / 3.0);
+        assert_eq!(of("added", lit, Some("variant = 'auto'"), [0.0, 1.0]).value, 0.5);
         let ratio = of("rmse", "variant = 'splat'", Some("variant = 'auto'"), [4.0, f64::INFINITY]);
         assert!(ratio.met && ratio.value == 4.0, "{ratio}");
         assert_eq!(of("gpu_ms:shading", "variant = 'splat'", Some("variant = 'auto'"), [0.0, 9.0]).value, 6.0);
+        assert_eq!(of("gpu_ratio:shading", "variant = 'splat'", None, [0.0, 9.0]).value, 6.5);
         assert_eq!(of("variance", "variant = 'auto'", Some("metric = 'variance_theory'"), [0.0, 1.0]).value, 0.8);
     }
 
@@ -169,7 +208,7 @@ mod tests {
             ("rmse", "variant = 'vt'", None),
             ("psnr", "", None),
             ("mse", "variant = 'vt'", None),
-            ("flicker", "variant = 'auto'\nlag = 1", Some("variant = 'vt'")),
+            ("added", "variant = 'auto'\nlag = 1", Some("variant = 'vt'")),
             ("rmse", "variant = 'auto'", Some("variant = 'far-atlas'")),
             ("gpu_ms:lighting", "", Some("variant = 'auto'")),
         ] {
@@ -177,6 +216,25 @@ mod tests {
             assert!(!verdict.met && verdict.value.is_nan() && !verdict.why.is_empty(), "{metric}: {verdict}");
         }
         assert!(verdict(&expectation("rmse", "variant = 'auto'", None, all)).met, "a finite value must lie in the infinite range");
+    }
+
+    #[test]
+    fn unstable_times_meet_no_expectation() {
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        for (metric, selection, over) in [
+            ("gpu_ms:shading", "variant = 'vt'", Some("variant = 'auto'")),
+            ("gpu_ms:shading", "variant = 'auto'", Some("variant = 'vt'")),
+            ("gpu_ratio:shading", "variant = 'vt'", None),
+            // A number without a standard error comes from fewer than six rounds.
+            ("gpu_ratio:shading", "variant = 'far-atlas'", None),
+        ] {
+            let verdict = verdict(&expectation(metric, selection, over, all));
+            assert!(!verdict.met && verdict.value.is_nan() && verdict.why.contains("1 of 1 rows"), "{metric}: {verdict}");
+            assert!(verdict.why.contains("unstable") && verdict.why.contains("times_budget_s"), "{verdict}");
+        }
+        // One unstable row spoils a mean.
+        let verdict = verdict(&expectation("gpu_ms:shading", "", Some("variant = 'auto'"), all));
+        assert!(!verdict.met && verdict.why.contains("1 of 3 rows"), "{verdict}");
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod judge;
 pub mod metrics;
 pub mod row;
 pub mod runner;
+pub mod significance;
 pub mod stability;
 pub mod store;
 pub mod unit;
@@ -17,6 +18,7 @@ mod cli;
 mod commands;
 mod process;
 mod report;
+mod rounds;
 mod settings;
 
 use std::panic;

@@ -1,6 +1,7 @@
 //! The table of all metrics: their names, their units, and what a run needs to measure them. METHODOLOGY has the formulas.
 
 use kernels::base::names::suggestion;
+use kernels::shared::signal::Signal;
 
 /// What a definition must contain, so that a metric can be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,15 +27,49 @@ pub enum Axis {
     Frequency,
 }
 
+/// The signals for which a metric has rows. The column `signal` distinguishes them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signals {
+    /// The metric does not depend on a signal; the column is empty.
+    None,
+    /// Only albedo, because the metric rests on a theory that exists only for albedo.
+    Albedo,
+    /// Each signal that the definition lists.
+    Each,
+}
+
 /// Smallest side of the square from which spectra are computed, pixels.
 pub const SMALLEST_SIDE: u32 = 64;
 /// Largest lag. A lag is the number of frames between the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
+/// Limit of the number of groups of consecutive frames. The standard errors of the metrics in [`RESIDUALS`] over all frames are computed from the
+/// scatter of these groups. Groups of several frames count correlated frames less often than single frames do.
+pub const GROUPS: u32 = 20;
+
+/// Limit of the number of frames whose perceived noise is measured. Filtering every frame in space would take longer than measuring it.
+const SEEN: u32 = 4;
+
+/// Whether the perceived noise of a frame is measured: the last frame, and up to three before it at even distances in the second half of the
+/// sequence. The first half is left out, because the memory of the eye fills in it.
+pub fn is_seen(frame: u32, frames: u32) -> bool {
+    let step = seen_step(frames);
+    frame >= frames / 2 && frame < frames && (frames - 1 - frame).is_multiple_of(step) && (frames - 1 - frame) / step < seen_frames(frames)
+}
+
+/// Number of frames whose perceived noise is measured in a sequence of `frames` frames.
+pub fn seen_frames(frames: u32) -> u32 {
+    if frames > 1 { ((frames - 1 - frames / 2) / seen_step(frames) + 1).min(SEEN) } else { 0 }
+}
+
+/// Distance of two frames whose perceived noise is measured.
+fn seen_step(frames: u32) -> u32 {
+    ((frames - frames / 2) / SEEN).max(1)
+}
 
 /// A metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
-    /// Name in tables and definitions. For device times such as `gpu_ms:shading`, it is the part before the colon.
+    /// Name in tables and definitions. For device times and their ratios, such as `gpu_ms:shading`, it is the part before the colon.
     pub name: &'static str,
     /// Unit of the value; `1` = the value is a pure number.
     pub unit: &'static str,
@@ -42,6 +77,8 @@ pub struct Metric {
     pub needs: Needs,
     /// The additional column that distinguishes the rows of the metric.
     pub axis: Axis,
+    /// The signals for which the metric has rows.
+    pub signals: Signals,
     /// Meaning of the metric, as one sentence.
     pub meaning: &'static str,
 }
@@ -51,11 +88,29 @@ impl Metric {
     pub fn is_deterministic(&self) -> bool {
         self.needs != Needs::Clock
     }
+
+    /// The unit of the metric for a signal. Metrics of albedo are in linear albedo. Metrics of the lit picture are in display values, which are
+    /// sRGB-encoded: errors of colours in their linear form, changes of luminance as they are.
+    pub fn unit_of(&self, signal: Signal) -> String {
+        match signal {
+            Signal::Albedo => self.unit.to_owned(),
+            Signal::Lit => self.unit.replace("linear albedo", "linear display value").replace("linear luminance", "display value"),
+        }
+    }
+
+    /// The content of the column `signal` for a measurement of `signal`.
+    pub fn signal_column(&self, signal: Signal) -> &'static str {
+        match self.signals {
+            Signals::None => "",
+            Signals::Albedo => Signal::Albedo.name(),
+            Signals::Each => signal.name(),
+        }
+    }
 }
 
 /// Defines the metrics. For each metric, it defines a constant that contains the metric's name, and an entry of [`METRICS`].
 macro_rules! metrics {
-    ($($constant:ident = $name:literal, $unit:literal, $needs:ident, $axis:ident, $meaning:literal;)*) => {
+    ($($constant:ident = $name:literal, $unit:literal, $needs:ident, $axis:ident, $signals:ident, $meaning:literal;)*) => {
         $(
             #[doc = $meaning]
             pub const $constant: &str = $name;
@@ -63,76 +118,125 @@ macro_rules! metrics {
 
         /// All metrics.
         pub const METRICS: [Metric; [$($name),*].len()] = [
-            $(Metric { name: $constant, unit: $unit, needs: Needs::$needs, axis: Axis::$axis, meaning: $meaning },)*
+            $(Metric { name: $constant, unit: $unit, needs: Needs::$needs, axis: Axis::$axis, signals: Signals::$signals, meaning: $meaning },)*
         ];
     };
 }
 
 metrics! {
-    FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None,
+    FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None, None,
         "Texture fetches counted in the shader, mean over terrain pixels.";
-    TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
+    TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None, None,
         "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if a tile is shaded in lockstep.";
-    BIAS = "bias", "linear albedo", Seeds, None,
+    BIAS = "bias", "linear albedo", Seeds, None, Albedo,
         "Mean over seeds minus the exact blend of the same flavours, averaged over pixels.";
-    VARIANCE = "variance", "linear albedo^2", Seeds, None,
+    BIAS_SQUARED = "bias_squared", "linear albedo^2", Seeds, None, Albedo,
+        "Unbiased estimate of the mean square, over areas of 16 x 16 pixels, of an area's bias; it may be negative.";
+    BIAS_SQUARED_P = "bias_squared_p", "1", Seeds, None, Albedo,
+        "Probability of a `bias_squared` at least as large as the measured one, if there is no bias, by random signs.";
+    VARIANCE = "variance", "linear albedo^2", Seeds, None, Albedo,
         "Unbiased variance over seeds, mean over pixels and channels.";
-    VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None,
+    VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None, Albedo,
         "Variance that the probabilities of the random choices predict for the same pixels.";
-    MSE = "mse", "linear albedo^2", Picture, None,
+    EXACT_MSE = "exact_mse", "linear albedo^2", Seeds, None, Albedo,
+        "Mean squared difference from the exact blend of the same flavours, over seeds, pixels and channels; without a bias, its expectation is the variance.";
+    MSE = "mse", "linear albedo^2", Picture, None, Each,
         "Mean squared error against the converged reference.";
-    MRSE = "mrse", "1", Picture, None,
+    MRSE = "mrse", "1", Picture, None, Each,
         "Mean relative squared error against the converged reference.";
-    RMSE = "rmse", "linear albedo", Picture, None,
+    RMSE = "rmse", "linear albedo", Picture, None, Each,
         "Root of the mean squared error against the converged reference.";
-    PSNR = "psnr", "dB", Picture, None,
+    PSNR = "psnr", "dB", Picture, None, Each,
         "Peak signal-to-noise ratio of the display values against those of the converged reference.";
-    SSIM = "ssim", "1", Picture, None,
+    SSIM = "ssim", "1", Picture, None, Each,
         "Structural similarity between the display values and those of the converged reference; 1 = identical.";
-    FLIP = "flip", "1", Picture, None,
+    FLIP = "flip", "1", Picture, None, Each,
         "Mean FLIP difference between the display values and those of the converged reference; 0 = identical.";
-    FLIP_RATE = "flip_rate", "1", Frames, Lag,
+    FLIP_RATE = "flip_rate", "1", Frames, Lag, None,
         "Share of surface points, followed by exact reprojection, whose random choice differs from their choice in an earlier frame.";
-    DIFFERENCE = "difference", "linear luminance", Frames, Lag,
+    DIFFERENCE = "difference", "linear luminance", Frames, Lag, Each,
         "Mean absolute luminance difference of surface points, followed by exact reprojection, from an earlier frame.";
-    FLICKER = "flicker", "linear luminance", Frames, Lag,
-        "Metric `difference` minus that of the reference sequence.";
-    FLICKER_P95 = "flicker_p95", "linear luminance", Frames, Lag,
-        "Like `flicker`, but with the 95th percentile instead of the mean.";
-    CLUMPING = "clumping", "1", Seeds, None,
+    EXCESS_DIFFERENCE = "excess_difference", "linear luminance", Frames, Lag, Each,
+        "Metric `difference` minus that of the reference sequence; blur lowers it and noise raises it, so the two can cancel.";
+    EXCESS_DIFFERENCE_P95 = "excess_difference_p95", "linear luminance", Frames, Lag, Each,
+        "Like `excess_difference`, but with the 95th percentile instead of the mean.";
+    RESIDUAL = "residual", "linear luminance", Frames, Lag, Each,
+        "Residual flicker: mean absolute change of a surface point's error against the reference sequence; 0 only if the error moves with the surface.";
+    RESIDUAL_P95 = "residual_p95", "linear luminance", Frames, Lag, Each,
+        "Like `residual`, but with the 95th percentile instead of the mean.";
+    RESIDUAL_RMS = "residual_rms", "linear luminance", Frames, Lag, Each,
+        "Like `residual`, but with the root mean square instead of the mean.";
+    ADDED = "added", "linear luminance", Frames, Lag, Each,
+        "The part of the changes that the reference sequence does not have, such as noise; root mean square.";
+    LOST = "lost", "linear luminance", Frames, Lag, Each,
+        "The part of the reference sequence's changes that is missing, such as by blur; root mean square, below 0 if changes are exaggerated.";
+    PERCEIVED_NOISE = "perceived_noise", "linear luminance", Frames, None, Each,
+        "Error against the reference sequence after the eye's filters in time, along exact motion, and in space; root mean square.";
+    INVALID_PX = "invalid_px", "px", Picture, None, Each,
+        "Number of terrain pixels, over all frames, whose colour is not finite; no other metric includes them.";
+    CLUMPING = "clumping", "1", Seeds, None, Albedo,
         "Variance of block means of the noise, divided by that of white noise with the same variance; 1 = white noise, above 1 = blotches.";
-    POWER = "power", "1", Seeds, Frequency,
+    POWER = "power", "1", Seeds, Frequency, Albedo,
         "Radial power spectrum of the noise relative to white noise of the same variance.";
-    TAA_REJECTIONS = "taa_rejections", "1", Frames, None,
+    TAA_REJECTIONS = "taa_rejections", "1", Frames, None, Each,
         "Share of history samples that a 3 x 3 colour box clips.";
-    DISOCCLUDED = "disoccluded", "1", Frames, Lag,
+    DISOCCLUDED = "disoccluded", "1", Frames, Lag, None,
         "Share of the followed terrain pixels that have no history in an earlier frame.";
-    REFERENCE_SE = "reference_se", "linear albedo", Picture, None,
+    REFERENCE_SE = "reference_se", "linear albedo", Picture, None, Each,
         "Standard error of the reference, root mean square over pixels.";
-    REFERENCE_SPP = "reference_spp", "samples/px", Picture, None,
+    REFERENCE_SPP = "reference_spp", "samples/px", Picture, None, None,
         "Samples per pixel that the reference took.";
-    REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag,
+    REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag, Each,
         "Metric `difference` of the reference sequence.";
-    REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag,
+    REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag, Each,
         "Like `reference_difference`, but with the 95th percentile instead of the mean.";
-    TERRAIN = "terrain", "1", Picture, None,
+    TERRAIN = "terrain", "1", Picture, None, None,
         "Share of pixels that show terrain; all other metrics are computed over these pixels.";
-    TIME = "gpu_ms", "ms", Clock, None,
+    TIME = "gpu_ms", "ms", Clock, None, None,
         "Device time of a pass; on a software adapter only ratios are meaningful.";
+    TIME_RATIO = "gpu_ratio", "1", Clock, None, None,
+        "Device time of a pass, divided by that of the first variant with the first estimator and noise, which is drawn in the same rounds.";
 }
+
+/// The metrics that compare each frame with the same frame of the reference sequence.
+pub const RESIDUALS: [&str; 6] = [RESIDUAL, RESIDUAL_P95, RESIDUAL_RMS, ADDED, LOST, PERCEIVED_NOISE];
 
 /// The metrics that compare a picture with the converged reference.
 pub const ERRORS: [&str; 6] = [MSE, RMSE, MRSE, PSNR, SSIM, FLIP];
 
+/// Returns the metric with which another metric is always measured, even if a definition requests only the former. The report needs both to judge
+/// them.
+pub fn companion_of(name: &str) -> Option<&'static str> {
+    match name {
+        BIAS_SQUARED | BIAS_SQUARED_P => Some(BIAS),
+        EXACT_MSE => Some(VARIANCE_THEORY),
+        _ => None,
+    }
+}
+
+/// Name of the pass that shades. Its times decide how long a run measures times.
+pub const SHADING_PASS: &str = "shading";
 /// Name of the metric that is the device time of the shading pass.
 pub const SHADING_TIME: &str = "gpu_ms:shading";
+/// Name of the metric that is the ratio of device times of the shading pass.
+pub const SHADING_RATIO: &str = "gpu_ratio:shading";
 
 /// Returns the name of the metric that is the device time of a pass: `gpu_ms:PASS`.
 pub fn time_of(pass: &str) -> String {
     format!("{TIME}:{pass}")
 }
 
-/// Returns the name of the pass if the metric `name` is a device time, and `None` otherwise.
+/// Returns the name of the metric that is the ratio of device times of a pass: `gpu_ratio:PASS`.
+pub fn ratio_of(pass: &str) -> String {
+    format!("{TIME_RATIO}:{pass}")
+}
+
+/// Whether the metric `name` is a device time or a ratio of device times.
+pub fn is_time(name: &str) -> bool {
+    find(name).is_some_and(|metric| metric.needs == Needs::Clock)
+}
+
+/// Returns the name of the pass if the metric `name` is a device time, and `None` otherwise. A ratio of device times is not a device time.
 pub fn timed_pass(name: &str) -> Option<&str> {
     match name.split_once(':') {
         Some((TIME, pass)) if !pass.is_empty() => Some(pass),
@@ -140,12 +244,12 @@ pub fn timed_pass(name: &str) -> Option<&str> {
     }
 }
 
-/// Returns the metric with this name. The name `gpu_ms:PASS` is accepted for every pass.
+/// Returns the metric with this name. The names `gpu_ms:PASS` and `gpu_ratio:PASS` are accepted for every pass.
 pub fn find(name: &str) -> Option<&'static Metric> {
-    let stem = match timed_pass(name) {
-        Some(_) => TIME,
-        None if name == TIME => return None,
-        None => name,
+    let stem = match name.split_once(':') {
+        Some((stem @ (TIME | TIME_RATIO), pass)) if !pass.is_empty() => stem,
+        _ if [TIME, TIME_RATIO].contains(&name) => return None,
+        _ => name,
     };
     METRICS.iter().find(|metric| metric.name == stem)
 }
@@ -156,8 +260,8 @@ pub fn find(name: &str) -> Option<&'static Metric> {
 /// The message is one line and names the most similar known metric.
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
-        if name == TIME {
-            return format!("`{TIME}` needs the name of a pass: write `{SHADING_TIME}`, for example");
+        if [TIME, TIME_RATIO].contains(&name) {
+            return format!("`{name}` needs the name of a pass: write `{name}:{SHADING_PASS}`, for example");
         }
         let names = METRICS.map(|metric| metric.name);
         format!("`{name}` is not a known metric: {}", suggestion(name, &names))
@@ -169,17 +273,48 @@ mod tests {
     use super::*;
 
     #[test]
+    fn units_say_of_which_signal_a_number_is() {
+        let unit = |name: &str, signal| find(name).expect("a metric").unit_of(signal);
+        assert_eq!(
+            [MSE, RMSE, ADDED, FLIP].map(|m| unit(m, Signal::Albedo)),
+            ["linear albedo^2", "linear albedo", "linear luminance", "1"]
+        );
+        assert_eq!(
+            [MSE, RMSE, ADDED, FLIP].map(|m| unit(m, Signal::Lit)),
+            ["linear display value^2", "linear display value", "display value", "1"]
+        );
+        let column = |name: &str| find(name).expect("a metric").signal_column(Signal::Lit);
+        assert_eq!([FLIP_RATE, BIAS, ADDED].map(column), ["", "albedo", "lit"]);
+    }
+
+    #[test]
+    fn seen_frames_are_counted() {
+        for frames in [0, 1, 2, 3, 4, 5, 8, 9, 16, 17, 400] {
+            assert_eq!((0..frames + 9).filter(|&frame| is_seen(frame, frames)).count(), seen_frames(frames) as usize, "{frames} frames");
+        }
+        assert_eq!([1, 2, 5, 16, 100_000].map(seen_frames), [0, 1, 3, 4, 4]);
+        let seen: Vec<u32> = (0..16).filter(|&frame| is_seen(frame, 16)).collect();
+        assert_eq!(seen, [9, 11, 13, 15]);
+    }
+
+    #[test]
     fn names_are_unique_and_times_are_named_by_pass() {
         for (i, metric) in METRICS.iter().enumerate() {
             assert!(METRICS.iter().skip(i + 1).all(|other| other.name != metric.name), "{}", metric.name);
             assert!(metric.meaning.ends_with('.') && !metric.unit.is_empty(), "{}", metric.name);
-            assert_eq!(find(metric.name).is_some(), metric.name != TIME, "{}", metric.name);
+            assert_eq!(find(metric.name).is_some(), ![TIME, TIME_RATIO].contains(&metric.name), "{}", metric.name);
         }
         assert_eq!((time_of("shading").as_str(), timed_pass(SHADING_TIME), timed_pass(RMSE)), (SHADING_TIME, Some("shading"), None));
         let time = find("gpu_ms:page requests").expect("a time");
         assert!(time.name == TIME && !time.is_deterministic());
-        assert!(find("gpu_ms:").is_none() && find("bias:shading").is_none());
+        assert!(find("gpu_ms:").is_none() && find("gpu_ratio:").is_none() && find("bias:shading").is_none());
         assert!(known("gpu_ms").is_err_and(|text| text.contains("gpu_ms:shading")));
+        // A ratio of times is of the clock, too, but it has no unit and is not a time of a pass.
+        assert_eq!((time_of(SHADING_PASS).as_str(), ratio_of(SHADING_PASS).as_str()), (SHADING_TIME, SHADING_RATIO));
+        let ratio = find(SHADING_RATIO).expect("a ratio");
+        assert_eq!((ratio.name, ratio.unit, ratio.is_deterministic(), timed_pass(SHADING_RATIO)), (TIME_RATIO, "1", false, None));
+        assert!(known("gpu_ratio").is_err_and(|text| text.contains("gpu_ratio:shading")));
+        assert_eq!([SHADING_TIME, SHADING_RATIO, RMSE, "gpu_ms", "x"].map(is_time), [true, true, false, false, false]);
         assert!(known("flip-rat").is_err_and(|text| text.contains("`flip_rate`")));
     }
 }

@@ -24,6 +24,8 @@ pub struct Row {
     pub noise: String,
     /// Temporal resolve, such as `off`.
     pub temporal: String,
+    /// The quantity that was measured: `albedo`, or `lit` for the lit picture as a screen shows it; empty = the metric does not depend on it.
+    pub signal: String,
     /// The parameter that the definition varies, such as `blend.hash_scale`; empty = none.
     pub parameter: String,
     /// Value of the varied parameter, as text; empty = none.
@@ -42,6 +44,8 @@ pub struct Row {
     pub value: f64,
     /// Standard error of the value, in the unit of the value; absent = it is unknown or does not exist.
     pub standard_error: Option<f64>,
+    /// Degrees of freedom of the standard error; absent = they are unknown or do not exist.
+    pub freedom: Option<f64>,
 }
 
 /// The type of a column, with the functions that read and write it.
@@ -73,7 +77,7 @@ const fn column(name: &'static str, meaning: &'static str, field: Field) -> Colu
 }
 
 /// The columns of `metrics` and `times`, in their order.
-pub const COLUMNS: [Column; 16] = [
+pub const COLUMNS: [Column; 18] = [
     column("experiment", "name of the definition", Field::Text(|r| &r.experiment, |r| &mut r.experiment)),
     column("scene", "name of the scene", Field::Text(|r| &r.scene, |r| &mut r.scene)),
     column("view", "name of the camera, path, or camera with a motion", Field::Text(|r| &r.view, |r| &mut r.view)),
@@ -81,6 +85,11 @@ pub const COLUMNS: [Column; 16] = [
     column("estimator", "estimator of the stochastic flavours; empty = none", Field::Text(|r| &r.estimator, |r| &mut r.estimator)),
     column("noise", "noise of the stochastic flavours; empty = none", Field::Text(|r| &r.noise, |r| &mut r.noise)),
     column("temporal", "temporal resolve; empty = none", Field::Text(|r| &r.temporal, |r| &mut r.temporal)),
+    column(
+        "signal",
+        "`albedo`, or `lit` for the lit picture; empty = the metric has no signal",
+        Field::Text(|r| &r.signal, |r| &mut r.signal),
+    ),
     column("parameter", "parameter that the definition varies; empty = none", Field::Text(|r| &r.parameter, |r| &mut r.parameter)),
     column("setting", "the parameter's value, as text; empty = none", Field::Text(|r| &r.setting, |r| &mut r.setting)),
     column("frame", "frame index, from 0; absent = value over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
@@ -101,6 +110,11 @@ pub const COLUMNS: [Column; 16] = [
         "standard_error",
         "standard error of the value, in the unit of the value; absent = unknown or not applicable",
         Field::Number(|r| r.standard_error, |r| &mut r.standard_error),
+    ),
+    column(
+        "freedom",
+        "degrees of freedom of the standard error; absent = unknown or not applicable",
+        Field::Number(|r| r.freedom, |r| &mut r.freedom),
     ),
 ];
 

@@ -42,7 +42,8 @@ fn the_hash_of_a_word_has_its_published_values() {
 fn a_packed_pixel_has_the_documented_bits() {
     // 1, 2 and -0.5 are 0x3c00, 0x4000 and 0xb800 in f16.
     assert_eq!(signal::pack([1.0, 2.0, -0.5], 3, 5), [0x4000_3c00, 0x8000_0000 | 5 << 26 | 3 << 16 | 0xb800]);
-    assert_eq!(signal::colour(signal::pack([1e6, -1e6, f32::INFINITY], 0, 0)), [65_504.0, -65_504.0, 0.0]);
+    assert_eq!(signal::colour(signal::pack([1e6, -1e6, 0.0], 0, 0)), [65_504.0, -65_504.0, 0.0]);
+    assert_eq!(signal::pack([1.0, f32::INFINITY, 1.0], 3, 5), signal::INVALID);
     for (colour, luminance) in [([1.0, 0.0, 0.0], 0.2126), ([0.0, 1.0, 0.0], 0.7152), ([0.0, 0.0, 1.0], 0.0722)] {
         assert!((signal::luminance(colour) - luminance).abs() < 1e-15);
     }

@@ -18,6 +18,10 @@ mod properties;
 #[path = "../shared.rs"]
 mod shared;
 #[cfg(test)]
+#[path = "../../experiments/src/significance.rs"]
+#[allow(dead_code, unreachable_pub, reason = "a file of `experiments`, which would take long to compile; these tests use a part of it")]
+mod significance;
+#[cfg(test)]
 mod stages;
 #[cfg(test)]
 #[path = "../../experiments/src/stability/statistics.rs"]

@@ -7,6 +7,7 @@ use kernels::display::reference::{codes, tone_map};
 use kernels::display::{Exposure, ToneCurve, WHITE};
 use kernels::geometry::reference::{stitch, weld};
 use kernels::lighting::reference::{F0, Light, Surface, radiance, sky_irradiance, sky_radiance};
+use kernels::metrics::reference::Earlier;
 use kernels::metrics::{self, FrameSums, LagSums};
 use kernels::motion::reference::{Seen, link};
 use kernels::motion::{NO_LINK, TOLERANCE};
@@ -199,21 +200,53 @@ fn the_sums_of_eight_pixels_are_those_counted_by_hand() {
     // Two frames earlier, pixel 1 was at pixel 0. In quarter 1 are pixel 1 of the first row and pixel 3 of the second.
     let earlier = [grey(0.75, 0, 2); 8];
     let far = [NO_LINK, 0, 0, 0, 0, 0, 0, NO_LINK];
-    let sums = metrics::reference::measure(size, &now, &[(&before[..], &links[..]), (&earlier[..], &far[..])], 1);
+    let sums = without_reference(size, &now, &[(&before[..], &links[..]), (&earlier[..], &far[..])], 1);
     assert_eq!((sums.terrain, sums.fetches), (7, 31));
     // Linked are the pixels 0, 1, 3, 5 and 7. Their differences are 0, 65/1024, 1/2, 0 and 33/16. The pixels 0, 1 and 7 chose in both frames, 1 and 7
     // not the same.
-    let expected = LagSums { terrain: 7, linked: 5, chosen: 3, flipped: 2, difference: 65.0 / 1024.0 + 0.5 + 33.0 / 16.0 };
+    let expected =
+        LagSums { terrain: 7, linked: 5, chosen: 3, flipped: 2, difference: 65.0 / 1024.0 + 0.5 + 33.0 / 16.0, ..LagSums::default() };
     assert_lag(&sums, 0, expected);
-    assert_lag(&sums, 1, LagSums { terrain: 2, linked: 1, chosen: 1, flipped: 0, difference: 0.5 });
+    assert_lag(&sums, 1, LagSums { terrain: 2, linked: 1, chosen: 1, flipped: 0, difference: 0.5, ..LagSums::default() });
     assert_lag(&sums, 2, LagSums::default());
     // The history of pixel 1 is darker than all its neighbours but the one to the right below; that of pixel 7 is brighter than all.
     assert_eq!((sums.tested, sums.rejected), (2, 1));
     // A little more than 2^-4, which is 10 octaves above the lowest bin, and a little more than 2^1, which is 15 octaves above it.
     assert_eq!(filled(&sums), [(160, 1), (240, 1)]);
     // In quarter 0 are pixel 0 of the first row, which did not change, and pixel 2 of the second, which was sky.
-    let sums = metrics::reference::measure(size, &now, &[(&before[..], &links[..])], 0);
+    let sums = without_reference(size, &now, &[(&before[..], &links[..])], 0);
     assert_eq!((sums.tested, sums.rejected, filled(&sums)), (1, 0, vec![(0, 1)]));
+}
+
+/// The sums of a frame whose reference sequence is not known. `past` has the earlier pictures, each with the links that lead to it.
+fn without_reference(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
+    let past: Vec<Earlier<'_>> = past.iter().map(|&(picture, links)| Earlier { picture, reference: None, links }).collect();
+    metrics::reference::measure(size, now, None, &past, quarter)
+}
+
+#[test]
+fn changes_are_compared_with_those_of_the_reference_sequence() {
+    // Pixel 0: dY = 1/4, dR = 1/8. Pixel 1: dY = -1/2, dR = 1/4. The reference of pixel 2 is sky, and pixel 3 has no link.
+    let now = [grey(0.5, 1, 1), grey(0.25, 1, 1), grey(0.5, 1, 1), grey(1.0, 1, 1)];
+    let before = [grey(0.25, 1, 1), grey(0.75, 1, 1), grey(0.5, 1, 1), grey(0.5, 1, 1)];
+    let truth = [grey(0.375, 1, 1), grey(0.5, 1, 1), SKY, grey(0.5, 1, 1)];
+    let truth_before = [grey(0.25, 1, 1), grey(0.25, 1, 1), grey(0.5, 1, 1), grey(0.5, 1, 1)];
+    let links = [0, 1, 2, NO_LINK];
+    let past = [Earlier { picture: &before, reference: Some(&truth_before), links: &links }];
+    let residual = metrics::reference::measure([4, 1], &now, Some(&truth), &past, 0).lags[0].residual;
+    let sums = [residual.sum, residual.square, residual.change_square, residual.reference_square, residual.product];
+    let expected = [0.125 + 0.75, 0.015_625 + 0.5625, 0.0625 + 0.25, 0.015_625 + 0.0625, 0.03125 - 0.125];
+    assert_eq!(residual.compared, 2);
+    for (found, expected) in sums.into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-14, "{residual:?}");
+    }
+    // What an eye remembers: the errors are 1/8, -1/4 and none. The second frame has the weight 1/2, because it exceeds the adaptation of 1/4.
+    let memory = [[0.5, 1.0], [0.25, 9.0], [0.125, 3.0], [0.0, 0.0]];
+    let remembered = metrics::reference::remember(&now, &truth, Some(&memory), &links, 0.25);
+    let expected = [[0.3125, 2.0], [0.125, 10.0], [0.0, 0.0], [0.5, 1.0]];
+    for (found, expected) in remembered.iter().zip(expected) {
+        assert!((found[0] - expected[0]).abs() < 1e-14 && found[1] == expected[1], "{remembered:?}");
+    }
 }
 
 fn assert_lag(sums: &FrameSums, lag: usize, expected: LagSums) {
@@ -234,7 +267,7 @@ fn a_history_is_rejected_beyond_a_rounding_of_the_box() {
     let step = 2.0_f32.powi(-10);
     let links: Vec<u32> = (0..16).collect();
     for (history, rejected) in [(1.0, 0), (1.0 + step, 0), (1.0 - step, 0), (1.0 + 2.0 * step, 4), (1.0 - 1.5 * step, 4), (100.0, 4)] {
-        let sums = metrics::reference::measure([4, 4], &[grey(1.0, 1, 1); 16], &[(&[grey(history, 1, 1); 16][..], &links[..])], 2);
+        let sums = without_reference([4, 4], &[grey(1.0, 1, 1); 16], &[(&[grey(history, 1, 1); 16][..], &links[..])], 2);
         assert_eq!((sums.tested, sums.rejected), (4, rejected), "{history}");
         // Differences beyond the histogram are counted in its last bin.
         assert!(history < 2.0 || filled(&sums) == [(255, 4)], "{history}");
@@ -243,7 +276,7 @@ fn a_history_is_rejected_beyond_a_rounding_of_the_box() {
     for channel in 0..3 {
         let mut colour = [1.0; 3];
         colour[channel] = 1.5;
-        let sums = metrics::reference::measure([4, 4], &[grey(1.0, 1, 1); 16], &[(&[signal::pack(colour, 1, 1); 16][..], &links[..])], 2);
+        let sums = without_reference([4, 4], &[grey(1.0, 1, 1); 16], &[(&[signal::pack(colour, 1, 1); 16][..], &links[..])], 2);
         assert_eq!(sums.rejected, 4, "channel {channel}");
     }
 }

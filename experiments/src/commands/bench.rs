@@ -11,20 +11,21 @@ use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
+use kernels::metrics::perceived::perceived_noise;
+use kernels::metrics::{Track, Viewing, read_signal};
 use kernels::motion::LAGS;
 use kernels::scene;
+use kernels::shared::signal::Signal;
 use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
-use statrs::statistics::{Data, Median as _};
+use serde::Serialize;
 
-use super::{Reporter, check_output_file, print};
+use super::{Reporter, check_output_file, print, print_json};
 use crate::cli::BenchArgs;
-use crate::metrics;
+use crate::metrics::{self, SHADING_PASS};
 use crate::process::{check_interrupted, watch_interrupts};
-
-/// The median times in milliseconds. The key is camera, choice of variants, and pass.
-type Times = BTreeMap<(String, String, String), f64>;
+use crate::rounds::{self, Estimate, Key, Plan, Samples, Timed, Turn, Wanted};
 
 // The three passes below are timed with the wall clock. Timestamps of the device are not used for them, because those of a software adapter include
 // waiting.
@@ -39,9 +40,88 @@ fn is_wall_clock(pass: &str) -> bool {
     [FRAME, READING, MEASURING].contains(&pass)
 }
 
+/// The sum of the device times of a picture's passes.
+const ALL_PASSES: &str = "all passes";
+
 const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
+
+/// The choices of variants that are timed, with their names. The first one is `auto`.
+fn choices() -> Vec<(&'static str, VariantChoice)> {
+    let flavours = Flavour::ALL.map(|flavour| (flavour.name(), VariantChoice::Forced(Variant::only(flavour))));
+    [(AUTO, VariantChoice::Auto), (GENERIC, VariantChoice::GenericAuto)].into_iter().chain(flavours).collect()
+}
+
+/// A ratio of two times that is printed.
+struct Ratio {
+    /// Name in the answer of `--json`.
+    name: &'static str,
+    /// Name in the text.
+    words: &'static str,
+    /// Choice and pass of the time.
+    of: (&'static str, &'static str),
+    /// Choice and pass of the time by which it is divided.
+    over: (&'static str, &'static str),
+    /// The target of the design.
+    target: &'static str,
+    /// Whether it is printed in percent.
+    is_share: bool,
+}
+
+/// A ratio of two shading times.
+const fn shading(name: &'static str, words: &'static str, of: &'static str, over: &'static str, target: &'static str) -> Ratio {
+    Ratio { name, words, of: (of, SHADING_PASS), over: (over, SHADING_PASS), target, is_share: false }
+}
+
+/// A share of two times of automatically chosen variants.
+const fn share(name: &'static str, words: &'static str, of: &'static str, over: &'static str, target: &'static str) -> Ratio {
+    Ratio { name, words, of: (AUTO, of), over: (AUTO, over), target, is_share: true }
+}
+
+static RATIOS: [Ratio; 7] = [
+    shading("splat_over_auto", "full splat / auto, shading", "splat", AUTO, "3"),
+    shading("generic_over_auto", "generic kernel / auto, shading", GENERIC, AUTO, "above 1"),
+    shading("splat_over_far_cliff", "full splat / far cliff, same pixels", "splat", "far-cliff", "3"),
+    shading("splat_over_near_cliff", "full splat / near cliff, same pixels", "splat", "near-cliff", "2"),
+    share("classification_share", "classification, share of the frame", "classification", ALL_PASSES, "below 10 %"),
+    share("reading_share", "reading back / rendering a frame, wall clock", READING, FRAME, "below 5 %"),
+    share("measuring_share", "measuring / rendering a frame, wall clock", MEASURING, FRAME, "below 10 %"),
+];
+
+impl Ratio {
+    fn is_wall_clock(&self) -> bool {
+        is_wall_clock(self.of.1)
+    }
+
+    /// Returns the keys of the two times; `None` if a choice has an unknown name. Only `auto`, the first choice, has times of the wall clock.
+    fn keys(&self) -> Option<[Key<'static>; 2]> {
+        let key = |(name, pass): (&'static str, &'static str)| Some((choices().iter().position(|(other, _)| *other == name)?, pass));
+        Some([key(self.of)?, key(self.over)?])
+    }
+}
+
+/// Returns the ratios for which `decides` holds, as numbers whose intervals must become narrow.
+fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
+    RATIOS.iter().filter(|ratio| decides(ratio)).filter_map(Ratio::keys).map(|[of, over]| Wanted { of, over: Some(over) }).collect()
+}
+
+/// The times of a camera.
+struct Measured {
+    camera: String,
+    /// Device times. The candidates are the [`choices`].
+    device: Samples,
+    /// Times of the wall clock, of `auto`.
+    wall: Samples,
+}
+
+impl Measured {
+    fn estimate(&self, ratio: &Ratio) -> Option<Estimate> {
+        let [of, over] = ratio.keys()?;
+        let samples = if ratio.is_wall_clock() { &self.wall } else { &self.device };
+        samples.ratio(of, over)
+    }
+}
 
 /// Measures the times and prints their ratios.
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
@@ -54,49 +134,70 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     let reporter = Reporter::new();
     let show = |p: Progress| reporter.report(&p.stage, p.done, p.total);
     let mut renderer = Renderer::new(&gpu, &scene, &show)?;
-    let mut choices = vec![(AUTO.to_owned(), VariantChoice::Auto), (GENERIC.to_owned(), VariantChoice::GenericAuto)];
-    choices.extend(Flavour::ALL.map(|f| (f.name().to_owned(), VariantChoice::Forced(Variant::only(f)))));
-    let mut times = Times::new();
+    let mut all = Vec::new();
     for camera in scene.cameras.iter().filter(|c| VIEWS.contains(&c.name.as_str())) {
         let pose = Pose::of(camera, |x, y| renderer.ground_m(x, y));
-        // The first round warms up pipelines, nodes and pages. In each round, all choices take turns, so that a drift of the machine's speed affects
-        // them equally.
-        let mut samples: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
-        for round in 0..=args.repeats {
-            for (name, choice) in &choices {
-                check_interrupted()?;
-                let report = renderer.draw(&RenderRequest::new(pose, args.size).with(|r| r.shading.variant = *choice))?.into_report();
-                if round > 0 {
-                    for pass in report.passes {
-                        samples.entry((name.clone(), pass.name)).or_default().push(pass.time_ms);
-                    }
-                }
-            }
-        }
-        for (pass, ms) in measuring(&mut renderer, pose, args)? {
-            samples.insert((AUTO.to_owned(), pass.to_owned()), ms);
-        }
-        for ((name, pass), ms) in samples {
-            times.insert((camera.name.clone(), name, pass), Data::new(ms).median());
-        }
+        let step = |what: &str, done: u64, total: u64| {
+            reporter.report(&format!("{what}, camera {} (%)", camera.name), done * 100 / total.max(1), 100);
+        };
+        let device = passes(&mut renderer, pose, args, &|done, total| step("passes", done, total))?;
+        let wall = measuring(&mut renderer, pose, args, &|done, total| step("wall clock", done, total))?;
+        all.push(Measured { camera: camera.name.clone(), device, wall });
     }
     reporter.finish();
     if let Some(file) = &args.record {
-        record(file, &gpu, args, &times)?;
+        record(file, &gpu, args, &all)?;
     }
-    print(&text(&gpu, args, &times))
+    if args.json { print_json(&Answer::of(&gpu, args, &all)) } else { print(&text(&gpu, args, &all)) }
 }
 
-/// Measures three durations for each frame, in milliseconds: rendering the frame with automatically chosen variants, reading it back, and measuring
-/// the changes from the four previous frames. The measurement also composes the picture; the duration of this step is subtracted.
-fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Result<[(&'static str, Vec<f64>); 3]> {
+/// Draws rounds, as many as the options allow.
+fn measure(
+    candidates: usize,
+    wanted: &[Wanted<'_>],
+    args: &BenchArgs,
+    step: &dyn Fn(u64, u64),
+    draw: &mut dyn FnMut(Turn) -> Result<Vec<Timed>>,
+) -> Result<Samples> {
+    let began = Instant::now();
+    let plan = Plan { candidates, wanted, least: args.repeats, budget_s: args.budget, seed: 0 };
+    rounds::measure(&plan, &|| began.elapsed().as_secs_f64(), step, draw)
+}
+
+/// Measures the device times of all passes of each choice. The ratios of shading times decide how many rounds are drawn.
+fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
+    let choices = choices();
+    let wanted = wanted(|ratio| !ratio.is_share);
+    measure(choices.len(), &wanted, args, step, &mut |turn| {
+        check_interrupted()?;
+        let request = RenderRequest::new(pose, args.size).with(|r| r.shading.variant = choices[turn.candidate].1);
+        let passes = renderer.draw(&request)?.into_report().passes;
+        if passes.is_empty() {
+            return Ok(Vec::new());
+        }
+        let timed = |pass: String, ms: f64| Timed { candidate: turn.candidate, pass, ms };
+        let sum = passes.iter().map(|pass| pass.time_ms).sum();
+        let all = passes.into_iter().map(|pass| timed(pass.name, pass.time_ms));
+        Ok(all.chain([timed(ALL_PASSES.to_owned(), sum)]).collect())
+    })
+}
+
+/// Perceived noise is measured in 4 frames, so each frame of a sequence of 16 is charged with this share of its duration.
+const SHARE_SEEN: f64 = 0.25;
+
+/// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring both signals of one
+/// stream: the changes from the four previous frames, those of its error, and perceived noise. The measurement also composes the pictures; the duration
+/// of this step is subtracted. The reference sequence is the stream's own picture, because only the duration counts. A round is a frame.
+fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let layers = Layers::new(renderer.gpu(), args.size);
-    let mut meter = renderer.meter(args.size, &[Resolve::Off])?;
+    let viewing = Viewing::default();
+    let tracks = Signal::ALL.map(|signal| Track { signal, resolve: Resolve::Off });
+    let mut meter = renderer.meter(args.size, &tracks, Some(viewing))?;
     let all = Flavour::ALL.into_iter().fold(0, |mask, flavour| mask | flavour.bit());
     let all = Variant::new(all).context("the set of all flavours is not a variant")?;
-    let (mut frames, mut readings, mut measures) = (Vec::new(), Vec::new(), Vec::new());
     let layers_read = AovSet::from_names(&["albedo", "choice"])?;
-    for frame in 0..LAGS as u32 + args.repeats {
+    let mut frame = 0;
+    let mut next_frame = || -> Result<[f64; 3]> {
         check_interrupted()?;
         let request = RenderRequest::new(pose, args.size).with(|r| r.shading.frame = frame);
         let began = Instant::now();
@@ -111,79 +212,203 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Resul
         let read = began.elapsed();
         let stream = renderer.composition().stream(None);
         let shaded = renderer.draw_flavours(&request, all, &layers)?;
+        let gpu = shaded.renderer().gpu();
+        let slots = meter.slots();
+        let destinations: Vec<_> = meter
+            .streams
+            .iter()
+            .map(|own| Destination { stream: stream.of(own.track.signal), signal: &own.signal, offset: slots.now })
+            .collect();
         let began = Instant::now();
-        shaded.compose(&layers, &[Destination { stream, signal: &meter.streams[0].signal, offset: meter.slots().now }])?;
+        shaded.compose(&layers, &destinations)?;
         let composed = began.elapsed();
+        let area = args.size[0] * args.size[1];
+        let own = meter.streams.iter().map(|own| read_signal(gpu, &own.signal, slots.now, area)).collect::<Result<Vec<_>, _>>()?;
         let began = Instant::now();
-        shaded.measure(&layers, &mut meter, &[None])?;
+        for (signal, picture) in Signal::ALL.into_iter().zip(&own) {
+            meter.write_reference(gpu, signal, picture);
+        }
+        shaded.measure(&layers, &mut meter, &[None; 2])?;
         let measured = began.elapsed();
-        if frame >= LAGS as u32 {
-            frames.push(drawn.as_secs_f64() * 1e3);
-            readings.push(read.as_secs_f64() * 1e3);
-            measures.push((measured.as_secs_f64() - composed.as_secs_f64()) * 1e3);
+        let began = Instant::now();
+        for index in 0..tracks.len() {
+            perceived_noise(args.size, &meter.memory(gpu, index)?, viewing.pixels_per_degree);
+        }
+        let measured = measured + began.elapsed().mul_f64(SHARE_SEEN);
+        frame += 1;
+        Ok([drawn.as_secs_f64(), read.as_secs_f64(), measured.as_secs_f64() - composed.as_secs_f64()].map(|seconds| seconds * 1e3))
+    };
+    measure(1, &wanted(Ratio::is_wall_clock), args, step, &mut |turn| {
+        // The metrics need earlier frames, so the round that is not timed draws several.
+        let frames = if turn.round == 0 { LAGS } else { 1 };
+        for _ in 1..frames {
+            next_frame()?;
+        }
+        let ms = next_frame()?;
+        let timed = |(pass, ms): (&str, f64)| Timed { candidate: 0, pass: pass.to_owned(), ms };
+        Ok([FRAME, READING, MEASURING].into_iter().zip(ms).map(timed).collect())
+    })
+}
+
+/// Returns a ratio with the half-width of its 95 % interval as text.
+fn shown(estimate: Option<Estimate>, is_share: bool) -> String {
+    let Some(estimate) = estimate else { return "not measured".to_owned() };
+    let (scale, unit, digits) = if is_share { (100.0, " %", 1) } else { (1.0, "", 2) };
+    let Estimate { value, half_width } = estimate;
+    let number = |value: f64| format!("{:.digits$}", scale * value);
+    if half_width.is_infinite() {
+        return format!("{}{unit}, no interval", number(value));
+    }
+    let word = if estimate.is_stable() { "" } else { ", unstable" };
+    format!("{} \u{b1} {}{unit}{word}", number(value), number(value * half_width))
+}
+
+fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> String {
+    let kind = if gpu.is_software() { ", a software adapter" } else { "" };
+    let [width, height] = args.size;
+    let mut out = format!(
+        "{}{kind}; {width}x{height}, at least {} rounds, at most {} s for each camera and clock\n",
+        gpu.info.name, args.repeats, args.budget
+    );
+    for measured in all {
+        for (words, is_wall_clock) in [("passes", false), ("wall clock", true)] {
+            out += &format!("camera {}, {words}\n", measured.camera);
+            for ratio in RATIOS.iter().filter(|ratio| ratio.is_wall_clock() == is_wall_clock) {
+                out +=
+                    &format!("  {:<46} {:>24}   target: {}\n", ratio.words, shown(measured.estimate(ratio), ratio.is_share), ratio.target);
+            }
         }
     }
-    Ok([(FRAME, frames), (READING, readings), (MEASURING, measures)])
-}
-
-fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
-    times.get(&(camera.to_owned(), choice.to_owned(), "shading".to_owned())).copied().unwrap_or(f64::NAN)
-}
-
-/// Returns the time of the classification pass as a share of the device time of a frame with automatically chosen variants.
-fn classification_share(times: &Times, camera: &str) -> f64 {
-    let of_frame: Vec<_> = times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && !is_wall_clock(pass)).collect();
-    let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();
-    of_frame.iter().filter(|((_, _, pass), _)| pass == "classification").map(|(_, ms)| **ms).sum::<f64>() / all
-}
-
-fn text(gpu: &Gpu, args: &BenchArgs, times: &Times) -> String {
-    let kind = if gpu.is_software() { ", a software adapter" } else { "" };
-    let mut out = format!("{}{kind}; {}x{}, median of {}\n", gpu.info.name, args.size[0], args.size[1], args.repeats);
-    for camera in VIEWS {
-        let ms = |choice: &str| shading(times, camera, choice);
-        out += &format!("camera {camera}\n");
-        out += &format!("  {:<46} {:>6.2}   target: 3\n", "full splat / auto, shading", ms("splat") / ms(AUTO));
-        out += &format!("  {:<46} {:>6.2}   target: above 1\n", "generic kernel / auto, shading", ms(GENERIC) / ms(AUTO));
-        out += &format!("  {:<46} {:>6.2}   target: 3\n", "full splat / far cliff, same pixels", ms("splat") / ms("far-cliff"));
-        out += &format!("  {:<46} {:>6.2}   target: 2\n", "full splat / near cliff, same pixels", ms("splat") / ms("near-cliff"));
-        out += &format!(
-            "  {:<46} {:>5.1} %  target: below 10 %\n",
-            "classification, share of the frame",
-            100.0 * classification_share(times, camera)
-        );
-        let wall = |pass: &str| times.get(&(camera.to_owned(), AUTO.to_owned(), pass.to_owned())).copied().unwrap_or(f64::NAN);
-        out += &format!(
-            "  {:<46} {:>5.1} %  target: below 5 %\n",
-            "reading back / rendering a frame, wall clock",
-            100.0 * wall(READING) / wall(FRAME)
-        );
-        out += &format!(
-            "  {:<46} {:>5.1} %  target: below 10 %\n",
-            "measuring / rendering a frame, wall clock",
-            100.0 * wall(MEASURING) / wall(FRAME)
-        );
+    if all.iter().all(|measured| measured.device == Samples::default()) {
+        out += "The adapter has no timestamp queries, so passes were not timed.\n";
     }
     out
 }
 
-fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()> {
+/// The output of `--json`.
+#[derive(Serialize)]
+struct Answer<'a> {
+    adapter: &'a str,
+    driver: &'a str,
+    software: bool,
+    size: [u32; 2],
+    /// For each camera, the ratios by name.
+    cameras: BTreeMap<&'a str, BTreeMap<&'static str, Figure>>,
+}
+
+/// A ratio in the output of `--json`.
+#[derive(Debug, PartialEq, Serialize)]
+struct Figure {
+    /// null = it was not measured.
+    ratio: Option<f64>,
+    /// The ends of the 95 % interval. null = there are too few rounds.
+    low: Option<f64>,
+    high: Option<f64>,
+    /// Whether the interval is at most 5 % wide on each side.
+    stable: bool,
+    target: &'static str,
+}
+
+impl Figure {
+    fn of(estimate: Option<Estimate>, target: &'static str) -> Figure {
+        let side = |factor: fn(f64) -> f64| {
+            let estimate = estimate.filter(|estimate| estimate.half_width.is_finite())?;
+            Some(estimate.value * factor(1.0 + estimate.half_width))
+        };
+        let stable = estimate.is_some_and(|estimate| estimate.is_stable());
+        Figure { ratio: estimate.map(|estimate| estimate.value), low: side(f64::recip), high: side(|factor| factor), stable, target }
+    }
+}
+
+impl<'a> Answer<'a> {
+    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured]) -> Answer<'a> {
+        let figures = |measured: &Measured| -> BTreeMap<&'static str, Figure> {
+            RATIOS.iter().map(|ratio| (ratio.name, Figure::of(measured.estimate(ratio), ratio.target))).collect()
+        };
+        Answer {
+            adapter: &gpu.info.name,
+            driver: &gpu.info.driver_info,
+            software: gpu.is_software(),
+            size: args.size,
+            cameras: all.iter().map(|measured| (measured.camera.as_str(), figures(measured))).collect(),
+        }
+    }
+}
+
+fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<()> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_record([
-        "adapter", "driver", "software", "scene", "camera", "width", "height", "variant", "pass", "metric", "unit", "value",
+        "adapter",
+        "driver",
+        "software",
+        "scene",
+        "camera",
+        "width",
+        "height",
+        "variant",
+        "pass",
+        "metric",
+        "unit",
+        "value",
+        "standard_error",
     ])?;
-    for ((camera, variant, pass), ms) in times {
-        let software = gpu.is_software().to_string();
-        let [width, height] = args.size.map(|n| n.to_string());
-        let row = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height, variant, pass];
-        csv.write_record(row.into_iter().map(ToString::to_string).chain([
-            if is_wall_clock(pass) { "wall_ms" } else { metrics::TIME }.to_owned(),
-            "ms".to_owned(),
-            format!("{ms:.4}"),
-        ]))?;
+    let choices = choices();
+    for Measured { camera, device, wall } in all {
+        let mut put = |(candidate, pass): Key<'_>, metric: &str, unit: &str, found: Option<Estimate>| -> Result<()> {
+            let (Some(found), Some((variant, _))) = (found, choices.get(candidate)) else { return Ok(()) };
+            let software = gpu.is_software().to_string();
+            let [width, height] = args.size.map(|n| n.to_string());
+            let error = found.standard_error().map_or_else(String::new, |error| format!("{error:.6}"));
+            let value = format!("{:.4}", found.value);
+            let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height];
+            Ok(csv.write_record(place.into_iter().chain([*variant, pass, metric, unit, &value, &error]))?)
+        };
+        for key in device.keys().filter(|(_, pass)| *pass != ALL_PASSES) {
+            put(key, metrics::TIME, "ms", device.time(key))?;
+            if key.1 == SHADING_PASS {
+                put(key, metrics::TIME_RATIO, "1", device.ratio(key, (0, SHADING_PASS)))?;
+            }
+        }
+        for key in wall.keys() {
+            put(key, "wall_ms", "ms", wall.time(key))?;
+        }
     }
     let bytes = csv.into_inner().context("cannot complete the CSV table")?;
     Ok(write_whole(file, |temporary| {
         std::fs::write(temporary, &bytes).map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
     })?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_ratio_has_its_own_name_and_times_of_known_choices() {
+        for (i, ratio) in RATIOS.iter().enumerate() {
+            assert!(ratio.keys().is_some(), "{}", ratio.name);
+            assert!(RATIOS[..i].iter().all(|other| other.name != ratio.name && other.words != ratio.words), "{}", ratio.name);
+            // The times of a ratio come from one clock. Only the first candidate has times of the wall clock.
+            assert_eq!(is_wall_clock(ratio.of.1), is_wall_clock(ratio.over.1), "{}", ratio.name);
+            assert!(!ratio.is_wall_clock() || ratio.keys().is_some_and(|keys| keys.iter().all(|(candidate, _)| *candidate == 0)));
+        }
+        assert_eq!(choices()[0].0, AUTO);
+        assert_eq!(wanted(|ratio| !ratio.is_share).len() + wanted(Ratio::is_wall_clock).len(), 6);
+    }
+
+    #[test]
+    fn ratios_are_shown_with_their_intervals() {
+        let of = |value: f64, half_width: f64| Some(Estimate { value, half_width });
+        assert_eq!(shown(of(2.5, 0.04), false), "2.50 \u{b1} 0.10");
+        assert_eq!(shown(of(2.5, 0.12), false), "2.50 \u{b1} 0.30, unstable");
+        assert_eq!(shown(of(0.05, 0.04), true), "5.0 \u{b1} 0.2 %");
+        assert_eq!(shown(of(2.5, f64::INFINITY), false), "2.50, no interval");
+        assert_eq!(shown(None, true), "not measured");
+        let figure = Figure::of(of(3.0, 1.0), "3");
+        assert_eq!(figure, Figure { ratio: Some(3.0), low: Some(1.5), high: Some(6.0), stable: false, target: "3" });
+        assert!(Figure::of(of(3.0, 0.05), "3").stable);
+        let nothing = Figure { ratio: None, low: None, high: None, stable: false, target: "3" };
+        assert_eq!(Figure::of(None, "3"), nothing);
+        assert_eq!(Figure::of(of(3.0, f64::INFINITY), "3"), Figure { ratio: Some(3.0), ..nothing });
+    }
 }

@@ -52,7 +52,7 @@ impl Session {
             return print(&text);
         }
         let written = report::write_run(&report::of(data)?, &verdicts)?;
-        print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
+        print(&format!("{text}  {}\n  report: {}\n", written.verdict.replace('\n', "\n  "), written.page.display()))
     }
 
     /// Carries out a run: measures its parts and joins their tables.

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use kernels::frame::VariantChoice;
+use kernels::shared::signal::Signal;
 use kernels::variant::{NotAVariant, Variant};
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +71,13 @@ pub struct Definition {
     /// Names of the metrics that are measured; empty = all metrics.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
+    /// The signals that are measured: `albedo`, and `lit` for the lit picture as a screen shows it, with the exposure and the tone curve of the settings
+    /// `frame.exposure` and `frame.tone_curve`.
+    #[serde(default = "default_signals")]
+    pub signals: Vec<String>,
+    /// How the pictures are looked at. The metric `perceived_noise` depends on it.
+    #[serde(default)]
+    pub viewing: Viewing,
     /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are stored for
     /// single flavours, for `auto` and `generic`, and for the reference.
     #[serde(default)]
@@ -80,6 +88,11 @@ pub struct Definition {
     /// Which combinations of variant, estimator and noise are timed.
     #[serde(default)]
     pub times: Times,
+    /// Limit of the seconds for which a part of the run measures times, above 0 and at most 86400. A part stops earlier if the 95 % interval of each
+    /// ratio of shading times is at most 5 % wide on each side. It always measures at least six pictures of each variant, and warms up before the
+    /// seconds begin to count.
+    #[serde(default = "default_times_budget_s")]
+    pub times_budget_s: f64,
     /// Changes of the definition that make `check` quick.
     #[serde(default)]
     pub small: Small,
@@ -101,6 +114,44 @@ fn default_noises() -> Vec<String> {
 
 fn default_temporal() -> Vec<String> {
     vec!["off".to_owned()]
+}
+
+fn default_signals() -> Vec<String> {
+    Signal::ALL.map(|signal| signal.name().to_owned()).to_vec()
+}
+
+/// Value of the key `times_budget_s` if a definition does not give it, seconds.
+pub const TIMES_BUDGET_S: f64 = 60.0;
+
+/// Limit of the seconds for which times are measured without a pause: a day. A larger value is considered a typing error.
+pub(crate) const MAX_TIMES_BUDGET_S: f64 = 86_400.0;
+
+fn default_times_budget_s() -> f64 {
+    TIMES_BUDGET_S
+}
+
+/// How the pictures are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Viewing {
+    /// Frames per second, 1 to 1000.
+    pub frames_per_second: f64,
+    /// Pixels per degree of visual angle, 1 to 1000.
+    pub pixels_per_degree: f64,
+}
+
+impl Default for Viewing {
+    fn default() -> Self {
+        let usual = kernels::metrics::Viewing::default();
+        Viewing { frames_per_second: usual.frames_per_second, pixels_per_degree: usual.pixels_per_degree }
+    }
+}
+
+impl Viewing {
+    /// The same, as the meter takes it.
+    pub(crate) fn of_meter(self) -> kernels::metrics::Viewing {
+        kernels::metrics::Viewing { frames_per_second: self.frames_per_second, pixels_per_degree: self.pixels_per_degree }
+    }
 }
 
 /// A heightmap to import before the run. Its keys correspond to options of `experiments import`.
@@ -300,13 +351,20 @@ impl Definition {
         Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
     }
 
-    /// Whether a run measures this metric. The metric must be requested, and the definition must have the seeds, frames or times that the metric
-    /// needs.
+    /// Returns the signals that are measured.
+    pub fn measured_signals(&self) -> Vec<Signal> {
+        Signal::ALL.into_iter().filter(|signal| self.signals.iter().any(|name| name == signal.name())).collect()
+    }
+
+    /// Whether a run measures this metric. The metric, or another metric with which it is always measured, must be requested, and the definition
+    /// must have the seeds, frames or times that the metric needs. The number of invalid pixels is always measured, because without it nobody
+    /// would know that other metrics leave pixels out.
     pub fn measures(&self, metric: &str) -> bool {
         // The accuracy of the reference is reported if any error metric is measured.
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
-        self.why_not(metric).is_ok() || of_an_error()
+        let with_another = || metrics::companion_of(metric).is_some_and(|other| self.why_not(other).is_ok());
+        metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || with_another()
     }
 
     /// Checks that a run measures this metric.

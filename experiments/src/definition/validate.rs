@@ -12,12 +12,13 @@ use kernels::import::viewpoints;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
+use kernels::shared::signal::Signal;
 use kernels::temporal::Resolve;
 use kernels::variant::Flavour;
 use toml::Value;
 
 use super::parameters::{apply, frame_parameters};
-use super::{ALL_VARIANTS, Definition, Expectation, Import, Motion, Small, Times, setting_text, variant_name};
+use super::{ALL_VARIANTS, Definition, Expectation, Import, MAX_TIMES_BUDGET_S, Motion, Small, Times, Viewing, setting_text, variant_name};
 use crate::metrics::{self, Axis, LAGS, Needs};
 use crate::row::{Field, Row};
 
@@ -202,6 +203,16 @@ fn shape(definition: &Definition) -> Checked {
     seeds.within(f64::from(definition.seeds), 0.0, f64::from(MAX_SEEDS))?;
     views(&top, definition)?;
     choices(&top, definition)?;
+    let known = Signal::ALL.map(Signal::name);
+    list(&top.key("signals"), &definition.signals, |text| match known.contains(&text) {
+        true => Ok(text.to_owned()),
+        false => Err(format!("`{text}` is not a signal: {}", suggestion(text, &known))),
+    })?;
+    let viewing = top.key("viewing");
+    let Viewing { frames_per_second, pixels_per_degree } = definition.viewing;
+    viewing.key("frames_per_second").within(frames_per_second, 1.0, 1000.0)?;
+    viewing.key("pixels_per_degree").within(pixels_per_degree, 1.0, 1000.0)?;
+    top.key("times_budget_s").positive(definition.times_budget_s, MAX_TIMES_BUDGET_S)?;
     let reference = top.key("reference");
     let (spp, max_spp) = (definition.reference.spp, definition.reference.max_spp);
     if !spp.is_multiple_of(BATCH) || spp < BATCH * BATCHES {
@@ -458,7 +469,7 @@ fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
         return Ok(());
     }
     let needs = |text: &String| match super::variant_choice(text) {
-        Ok(VariantChoice::Forced(variant)) => variant.has(Flavour::VirtualTexture),
+        Ok(VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) => variant.has(Flavour::VirtualTexture),
         _ => text == ALL_VARIANTS,
     };
     match definition.variants.iter().position(needs) {
@@ -481,8 +492,10 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
         if !facts.passes.contains(&pass) {
             at.key("metric").fail(format!("no pass is called `{pass}`: {}", suggestion(pass, &facts.passes)))?;
         }
-        if expectation.over.is_none() {
-            at.key("metric").fail("a time is only meaningful relative to another time of the same run: give `over`")?;
+        if expectation.over.is_none() && metrics::timed_pass(&expectation.metric).is_some() {
+            let ratio = metrics::ratio_of(pass);
+            at.key("metric")
+                .fail(format!("a time is only meaningful relative to another time of the same run: write `{ratio}`, or give `over`"))?;
         }
     }
     let [low, high] = expectation.range;

@@ -4,17 +4,21 @@ use std::collections::BTreeSet;
 
 use kernels::frame::VariantChoice;
 use kernels::shading::Estimator;
+use kernels::shared::signal::Signal;
 use kernels::variant::{Flavour, Variant};
 
 use super::RunData;
-use super::checks::{self, GoldenRow};
+use super::checks::{self, Check, GoldenRow, Mark};
 use super::numbers::{number, significant};
 use super::summary::{
-    BIAS, CLUMPING, FETCHES, FLICKER, FLICKER_P95, FLIP, FLIPS, Frames, KeyOf, Metric, PSNR, REJECTIONS, RMSE, SHADING, SSIM, Summary,
-    THEORY, TILE_FETCHES, Table, VARIANCE,
+    ADDED, BIAS, BIAS_P, CLUMPING, EXACT_MSE, EXCESS, FETCHES, FLIP, FLIPS, Frames, INVALID, Key, KeyOf, LOST, Metric, NAMED, Of,
+    PERCEIVED, PSNR, REJECTIONS, RESIDUAL, RESIDUAL_P95, RMSE, SHADING, SSIM, Summary, THEORY, TILE_FETCHES, Table, VARIANCE,
 };
+use super::tested;
 use crate::definition::{Times, Vary, setting_text, variant_choice};
+use crate::metrics::{self, SHADING_TIME};
 use crate::report::Verdict;
+use crate::row::Row;
 
 /// Where the numbers of a column come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +29,7 @@ pub(super) enum Source {
     WithError(Metric),
     /// The promised fetches of a forced variant: the sum over its flavours.
     Promised,
-    /// The shading time, divided by that of the first timed row of the view.
+    /// The shading time, divided by that of the base of the view, with its interval.
     ShadingRatio,
 }
 
@@ -33,27 +37,44 @@ pub(super) enum Source {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
     pub(super) heading: &'static str,
-    pub(super) unit: &'static str,
+    unit: &'static str,
     pub(super) source: Source,
 }
 
-const COLUMNS: [Column; 16] = [
+impl Column {
+    /// Returns the text below the heading: the signal, if the metric depends on which signal the report shows, and the unit.
+    pub(super) fn unit(&self, table: &Table) -> String {
+        let signal = match self.source {
+            Source::Row(metric) | Source::WithError(metric) if metric.of == Of::Shown => table.shown.name(),
+            _ => "",
+        };
+        [signal, self.unit].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+    }
+}
+
+const COLUMNS: [Column; 22] = [
     Column { heading: "Fetches", unit: "per pixel", source: Source::Row(FETCHES) },
     Column { heading: "By tile", unit: "fetches", source: Source::Row(TILE_FETCHES) },
     Column { heading: "Promised", unit: "fetches", source: Source::Promised },
     Column { heading: "Shading", unit: "to first row", source: Source::ShadingRatio },
-    Column { heading: "RMSE", unit: "albedo", source: Source::Row(RMSE) },
+    Column { heading: "RMSE", unit: "", source: Source::Row(RMSE) },
     Column { heading: "FLIP", unit: "0 to 1", source: Source::Row(FLIP) },
     Column { heading: "PSNR", unit: "dB", source: Source::Row(PSNR) },
     Column { heading: "SSIM", unit: "same = 1", source: Source::Row(SSIM) },
     Column { heading: "Bias \u{b1} s.e.", unit: "albedo", source: Source::WithError(BIAS) },
+    Column { heading: "Cancelling", unit: "probability", source: Source::Row(BIAS_P) },
     Column { heading: "Variance", unit: "albedo\u{b2}", source: Source::Row(VARIANCE) },
+    Column { heading: "Exact MSE", unit: "albedo\u{b2}", source: Source::Row(EXACT_MSE) },
     Column { heading: "Theory", unit: "albedo\u{b2}", source: Source::Row(THEORY) },
+    Column { heading: "Added", unit: "k = 1", source: Source::Row(ADDED) },
+    Column { heading: "Lost", unit: "k = 1", source: Source::Row(LOST) },
+    Column { heading: "Residual", unit: "k = 1", source: Source::Row(RESIDUAL) },
+    Column { heading: "Residual p95", unit: "k = 1", source: Source::Row(RESIDUAL_P95) },
+    Column { heading: "Perceived noise", unit: "", source: Source::Row(PERCEIVED) },
     Column { heading: "Flip rate", unit: "k = 1", source: Source::Row(FLIPS) },
     Column { heading: "Clumping", unit: "white = 1", source: Source::Row(CLUMPING) },
-    Column { heading: "Flicker", unit: "k = 1", source: Source::Row(FLICKER) },
-    Column { heading: "p95", unit: "k = 1", source: Source::Row(FLICKER_P95) },
     Column { heading: "Rejected", unit: "of history", source: Source::Row(REJECTIONS) },
+    Column { heading: "Excess difference", unit: "k = 1", source: Source::Row(EXCESS) },
 ];
 
 /// The content of a table cell.
@@ -111,26 +132,23 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
             }
             _ => Cell::Missing("tiles have different variants, so nothing is promised".to_owned()),
         },
-        Source::ShadingRatio => {
-            let ms = summary.value(SHADING);
-            match shading_base(table, &summary.key.view) {
-                Some(base) if ms > 0.0 => {
-                    let value = ms / table.summaries[base].value(SHADING);
-                    Cell::Value { value, shown: significant(value), hint: format!("{} = {ms} ms", SHADING.name) }
+        Source::ShadingRatio => match table.shading(index) {
+            Some(shading) => {
+                let mut hint = format!("{SHADING_TIME} = {} ms", table.shading_ms(index));
+                if !shading.is_interleaved {
+                    hint += ", measured in other rounds than the row by which it is divided, so its error is not known";
+                } else if let Some(error) = shading.error {
+                    hint = format!("{} = {}, standard error {error}; {hint}", SHADING.name, shading.ratio);
                 }
-                _ => Cell::Missing(absent(run, summary, SHADING)),
+                Cell::Value { value: shading.ratio, shown: shading.shown(), hint }
             }
-        }
+            None => Cell::Missing(absent(run, summary, SHADING)),
+        },
     }
 }
 
 fn unit(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
-}
-
-/// Returns the index of the first timed row of a view. The shading times of the view are divided by the time of this row.
-pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
-    table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
 }
 
 /// Returns the number of fetches that the flavour promises for the settings of this row, with the estimator fc5. If the settings enable two tilings,
@@ -161,15 +179,22 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     match metric {
         SHADING if definition.times == Times::None => "not timed: times = \"none\"".to_owned(),
         SHADING if definition.times == Times::FirstNoise && !first_noise => "timed with the first noise only".to_owned(),
+        SHADING if summary.times().next().is_some() => "its ratio to other times was not measured".to_owned(),
         SHADING => "not timed".to_owned(),
-        BIAS | VARIANCE | THEORY | CLUMPING if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
+        BIAS | BIAS_P | VARIANCE | EXACT_MSE | THEORY | CLUMPING if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
         REJECTIONS if !matches!(summary.key.temporal.as_str(), "" | "off") => "measured only without a resolve".to_owned(),
-        _ if metric.lag.is_some() && definition.frames < 2 => "not measured: one frame".to_owned(),
+        BIAS_P if !is_fc5(summary) => "tested only where the mean should be the exact blend".to_owned(),
+        BIAS_P if !summary.is_stochastic() => "no random choices".to_owned(),
+        _ if needs_frames(metric) && definition.frames < 2 => "not measured: one frame".to_owned(),
         _ if !definition.metrics.is_empty() && !definition.metrics.iter().any(|m| m == metric.name) => {
             "not among the definition's metrics".to_owned()
         }
         _ => "no row of this metric".to_owned(),
     }
+}
+
+fn needs_frames(metric: Metric) -> bool {
+    metrics::find(metric.name).is_some_and(|metric| metric.needs == metrics::Needs::Frames)
 }
 
 /// Returns the columns that distinguish choices: the heading, and a function that reads the value.
@@ -185,22 +210,39 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// Whether a row lies on each of the two Pareto fronts of its view: cost against error, and cost against flicker.
+/// How a row stands to a Pareto front.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// A row of the front is better.
+    #[default]
+    Beaten,
+    /// It is not on the front, but nothing distinguishes it from a row that is.
+    Alike,
+    /// It is on the front.
+    On,
+}
+
+/// How a row stands to each of the two Pareto fronts of its view: cost against error, and cost against added change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
-    pub(super) error: bool,
-    pub(super) flicker: bool,
+    pub(super) error: Standing,
+    pub(super) added: Standing,
 }
 
 impl Fronts {
-    /// Returns one word for the fronts on which the row lies; empty = none.
-    pub(super) fn name(self) -> &'static str {
-        match (self.error, self.flicker) {
-            (true, true) => "both",
-            (true, false) => "error",
-            (false, true) => "flicker",
-            (false, false) => "",
-        }
+    /// Whether the row lies on one of the fronts.
+    pub(super) fn is_on(self) -> bool {
+        self.error == Standing::On || self.added == Standing::On
+    }
+
+    /// Returns the names of the fronts on which the row lies. The name is in brackets if the row is only as good within chance. Empty = none.
+    pub(super) fn name(self) -> String {
+        let word = |standing: Standing, name: &str| match standing {
+            Standing::Beaten => None,
+            Standing::Alike => Some(format!("({name})")),
+            Standing::On => Some(name.to_owned()),
+        };
+        [word(self.error, "error"), word(self.added, "added")].into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -209,11 +251,15 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     let mut fronts = vec![Fronts::default(); table.summaries.len()];
     for view in &table.views {
         let rows = table.of_view(view);
-        for i in table.front(&rows, table.cost, table.error) {
-            fronts[i].error = true;
-        }
-        for i in table.front(&rows, table.cost, FLICKER) {
-            fronts[i].flicker = true;
+        let [error, added] = [table.error, ADDED].map(|metric| table.front(&rows, table.cost, metric));
+        for &row in &rows {
+            let standing = |on: bool, alike: bool| match (on, alike) {
+                (true, _) => Standing::On,
+                (false, true) => Standing::Alike,
+                (false, false) => Standing::Beaten,
+            };
+            fronts[row].error = standing(error.contains(row), error.is_alike(row));
+            fronts[row].added = standing(added.contains(row), added.is_alike(row));
         }
     }
     fronts
@@ -250,43 +296,97 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     rows
 }
 
-/// A check with its name: whether it passes, and its description. `None` = the run has nothing that could be checked.
-type NamedCheck = (&'static str, Option<(bool, String)>);
+/// A check with its name. `None` = the run has nothing that could be checked.
+type NamedCheck = (&'static str, Option<Check>);
 
-/// Returns the checks of a run: whether each passes, and its description.
-pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
+/// Returns the checks of a run.
+pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<Check> {
     named_checks(run, table, verdicts).into_iter().filter_map(|(_, check)| check).collect()
 }
 
+/// Returns statements that stand beside the checks, but are neither right nor wrong.
+pub(super) fn remarks(table: &Table) -> Vec<String> {
+    tested::by_design(table).into_iter().collect()
+}
+
 /// Returns all checks with their names.
-pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> [NamedCheck; 6] {
-    let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
-    let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
-    let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
-    let named = || stochastic().zip(names.iter().map(String::as_str));
-    let biases = named().filter_map(|(s, name)| s.number(BIAS).map(|bias| (bias.value, bias.standard_error, name)));
-    let variances = named().filter_map(|(s, name)| Some((s.number(VARIANCE)?.value, s.number(THEORY)?.value, s.error(VARIANCE), name)));
-    // The number of values from which each standard error is computed.
+pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> [NamedCheck; 8] {
+    let (biases, unbiased) = tested::biases(table);
+    let (variances, adding) = tested::variances(table);
     let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
-    let expected = (!expected.is_empty()).then(|| (met == expected.len(), format!("{met} of {} expectations are met", expected.len())));
+    let expected =
+        (!expected.is_empty()).then(|| (Mark::of(met == expected.len()), format!("{met} of {} expectations are met", expected.len())));
     let judged: Vec<_> = table.references.iter().filter(|r| r.smallest_rmse.is_finite()).collect();
     let good = judged.iter().filter(|r| r.suffices()).count();
     let references = (!judged.is_empty()).then(|| {
         let words = "references have a standard error of at most a tenth of the smallest RMSE measured against them";
-        (good == judged.len(), format!("{good} of {} {words}", judged.len()))
+        let signals = if table.signals.len() > 1 { " (one for each signal)" } else { "" };
+        (Mark::of(good == judged.len()), format!("{good} of {} {words}{signals}", judged.len()))
     });
     let doubles = (table.doubles > 0)
-        .then(|| (false, format!("{} numbers have more than one row; only the first row of each is used", table.doubles)));
+        .then(|| (Mark::Fails, format!("{} numbers have more than one row; only the first row of each is used", table.doubles)));
     [
         ("expectations", expected),
         ("references", references),
         ("promises", checks::promises(&golden(run, table))),
-        ("bias", checks::bias(biases, seeds)),
-        ("variance", checks::variance(variances, seeds)),
+        ("bias", checks::bias(&biases, unbiased, seeds)),
+        ("variance", checks::variance(&variances, adding, seeds)),
+        ("invalid", invalid(table)),
+        ("numbers", without_number(table)),
         ("doubles", doubles),
     ]
+}
+
+/// Checks that the colours of all pixels are finite; `None` if no choice has the metric. A pixel whose colour is not finite is in no metric, so the
+/// metrics of its choice do not describe the whole picture.
+fn invalid(table: &Table) -> Option<Check> {
+    let mut counts: Vec<(&Summary, Signal, f64)> = Vec::new();
+    for summary in &table.summaries {
+        counts.extend(table.signals.iter().map(|&signal| (summary, signal, summary.value(INVALID.of(signal)))));
+    }
+    counts.retain(|(.., count)| !count.is_nan());
+    if counts.is_empty() {
+        return None;
+    }
+    let named = |(summary, signal, count): &(&Summary, Signal, f64)| {
+        format!("{}, {}: {}", table.place(&summary.key), signal.name(), number(*count))
+    };
+    let found: Vec<String> = counts.iter().filter(|(.., count)| *count > 0.0).map(named).collect();
+    if found.is_empty() {
+        return Some((Mark::Passes, "every pixel of every choice has a finite colour".to_owned()));
+    }
+    let pictures = if found.len() == 1 { "sequence has" } else { "sequences have" };
+    Some((
+        Mark::Fails,
+        format!(
+            "{} {pictures} terrain pixels whose colour is not finite, which are left out of all metrics: {}",
+            found.len(),
+            some_of(&found, found.len())
+        ),
+    ))
+}
+
+/// Checks that no row lacks its number; `None` if all have one.
+fn without_number(table: &Table) -> Option<Check> {
+    let (count, first) = &table.without_number;
+    let words = |row: &Row| {
+        let signal = if row.signal.is_empty() { String::new() } else { format!(" ({})", row.signal) };
+        let lag = row.lag.map_or_else(String::new, |k| format!(", k = {k}"));
+        let frame = row.frame.map_or_else(String::new, |frame| format!(", frame {frame}"));
+        format!("{}{signal} of {}{lag}{frame}", row.metric, table.place(&Key::of(row)))
+    };
+    let found: Vec<String> = first.iter().map(words).collect();
+    let (rows, are) = if *count == 1 { ("row holds", "is") } else { ("rows hold", "are") };
+    (*count > 0).then(|| (Mark::Fails, format!("{count} {rows} no number (NaN) and {are} left out: {}", some_of(&found, *count))))
+}
+
+/// Joins the first [`NAMED`] items of a list that has `count` items in total.
+fn some_of(items: &[String], count: usize) -> String {
+    let shown = items.len().min(NAMED);
+    let rest = if count > shown { format!("; and {} more", count - shown) } else { String::new() };
+    items[..shown].join("; ") + &rest
 }
 
 /// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash.
@@ -316,6 +416,7 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
         ("Estimators", list(&table.estimators)),
         ("Noises", list(&table.noises)),
         ("Temporal", list(&table.temporal)),
+        ("Signals", signals(run, table)),
     ];
     if let Some(why) = run.recorded("without_anisotropy") {
         facts.push(("Filtering", why));
@@ -341,6 +442,27 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     ]);
     facts.retain(|(_, value)| !value.is_empty());
     facts
+}
+
+/// Returns the measured signals, the one that is shown, and how it is looked at.
+fn signals(run: &RunData, table: &Table) -> String {
+    let names: Vec<&str> = table.signals.iter().map(|signal| signal.name()).collect();
+    let mut text = names.join(", ");
+    if names.len() > 1 {
+        text += &format!("; shown: {}", table.shown.name());
+    }
+    if let (Signal::Lit, Ok(frame)) = (table.shown, run.definition.frame_settings(&None)) {
+        let display = frame.stages.display;
+        text += &format!("; lit with exposure {} stops and tone curve {}", display.exposure, display.tone_curve.name());
+    }
+    if table.has(PERCEIVED) {
+        let viewing = run.definition.viewing;
+        text += &format!(
+            "; perceived noise at {} frames per second and {} pixels per degree",
+            viewing.frames_per_second, viewing.pixels_per_degree
+        );
+    }
+    text
 }
 
 /// Returns the expectations with their verdicts. Expectations without a verdict are treated as not met.

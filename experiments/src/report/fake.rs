@@ -10,6 +10,7 @@ use kernels::variant::{Flavour, Variant};
 
 use super::{RunData, Verdict};
 use crate::definition::{Definition, Expectation};
+use crate::metrics::{self, Signals};
 use crate::row::Row;
 use crate::store::RunPicture;
 
@@ -53,10 +54,16 @@ pub(super) fn definition(text: &str) -> Definition {
 
 pub(super) const NOISES: [&str; 6] = ["hashed", "hashed-anisotropic", "white", "interleaved-gradient", "blue", "spatio-temporal-blue"];
 
-/// Returns the cell size of a noise. The formulas for flips, clumping and flicker depend on it.
+/// The numbers of the lit picture are those of albedo times this factor. Ratios and decibels are the same.
+pub(super) const LIT: f64 = 1.25;
+
+/// Returns the cell size of a noise. The formulas for flips, clumping and change in motion depend on it.
 fn cell(noise: &str) -> f64 {
     [1.6, 1.3, 0.2, 0.35, 0.3, 0.5][NOISES.iter().position(|n| *n == noise).unwrap_or(0)]
 }
+
+/// Degrees of freedom of the standard errors of bias and of the mean squared difference from the exact blend. Rows of other metrics do not give any.
+pub(super) const FREEDOM: f64 = 90.0;
 
 /// Collects the invented rows of a run.
 pub(super) struct Rows {
@@ -69,13 +76,33 @@ impl Rows {
         Rows { rows: Vec::new(), times: Vec::new() }
     }
 
+    /// Adds a number. If the metric exists for each signal, there is a row for both, unless `base` gives one of them.
     pub(super) fn put(&mut self, base: &Row, metric: &str, unit: &str, value: f64, error: Option<f64>) {
-        let row = Row { metric: metric.to_owned(), unit: unit.to_owned(), value, standard_error: error, ..base.clone() };
-        if metric.starts_with("gpu_ms:") { self.times.push(row) } else { self.rows.push(row) }
+        let known = metrics::find(metric).unwrap_or_else(|| panic!("`{metric}` is not a metric"));
+        let factor = if matches!(known.unit, "1" | "dB" | "px") { 1.0 } else { LIT };
+        let signals: Vec<(&str, f64)> = match known.signals {
+            Signals::None => vec![("", 1.0)],
+            Signals::Albedo => vec![("albedo", 1.0)],
+            Signals::Each if base.signal.is_empty() => vec![("albedo", 1.0), ("lit", factor)],
+            Signals::Each => vec![(base.signal.as_str(), 1.0)],
+        };
+        let freedom = error.filter(|_| [metrics::BIAS, metrics::EXACT_MSE].contains(&metric)).map(|_| FREEDOM);
+        for (signal, factor) in signals {
+            let row = Row {
+                metric: metric.to_owned(),
+                unit: unit.to_owned(),
+                signal: signal.to_owned(),
+                value: value * factor,
+                standard_error: error.map(|error| error * factor),
+                freedom,
+                ..base.clone()
+            };
+            if metrics::is_time(metric) { self.times.push(row) } else { self.rows.push(row) }
+        }
     }
 
-    /// Adds all metrics of a choice. `scale` is the cell size of its noise. A temporal resolve reduces the random part of the flicker and of the
-    /// squared error by the factor `resolve`.
+    /// Adds all metrics of a choice. `scale` is the cell size of its noise. A temporal resolve reduces the random part of the added change and of the
+    /// squared error by the factor `resolve`, and it adds blur.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));
@@ -98,18 +125,32 @@ impl Rows {
         put(self, "ssim", "1", 1.0 - 3.0 * rmse, None);
         put(self, "flip", "1", 0.9 * rmse, Some(rmse * 0.01));
         put(self, "bias", "linear albedo", if chance { 2e-5 * jitter(3) } else { 0.0 }, Some(if chance { 1.5e-5 } else { 0.0 }));
-        put(self, "variance", "linear albedo squared", noise_variance * (1.0 + 0.05 * jitter(4)), Some(noise_variance * 0.01));
+        if chance {
+            put(self, "bias_squared", "linear albedo squared", 1e-10 * jitter(7), Some(1e-10));
+            put(self, "bias_squared_p", "1", 0.5 + 0.9 * jitter(8), None);
+        }
+        put(self, "variance", "linear albedo squared", noise_variance * (1.0 + 0.05 * jitter(4)), None);
+        put(self, "exact_mse", "linear albedo squared", noise_variance * (1.0 + 0.004 * jitter(9)), Some(noise_variance * 0.01));
         put(self, "variance_theory", "linear albedo squared", noise_variance, None);
         for lag in 1..=4u32 {
             let k = f64::from(lag);
             let flips = if chance { 0.62 * (1.0 - (-k * 0.7 / scale).exp()) } else { 0.0 };
             let at = Row { lag: Some(lag), ..base.clone() };
             self.put(&at, "flip_rate", "share", flips, Some(flips * 0.02));
-            let flicker = (0.05 * flips * resolve + 0.0006 * k) * (1.0 + 0.2 * jitter(5));
-            self.put(&at, "flicker", "luminance", flicker, Some(flicker * 0.03));
-            self.put(&at, "flicker_p95", "luminance", flicker * 3.2, None);
-            self.put(&at, "difference", "luminance", flicker + 0.002, None);
+            let added = (0.05 * flips * resolve + 0.0006 * k) * (1.0 + 0.2 * jitter(5));
+            let lost = k * (0.02 * base_error + 0.001 * (1.0 - resolve));
+            self.put(&at, "added", "luminance", added, Some(added * 0.03));
+            self.put(&at, "lost", "luminance", lost, Some(lost * 0.03));
+            self.put(&at, "residual_rms", "luminance", added.hypot(lost), Some(added * 0.03));
+            self.put(&at, "residual", "luminance", 0.8 * added.hypot(lost), Some(added * 0.03));
+            self.put(&at, "residual_p95", "luminance", 2.5 * added.hypot(lost), None);
+            self.put(&at, "difference", "luminance", added + 0.002, None);
+            self.put(&at, "excess_difference", "luminance", added - lost, Some(added * 0.03));
         }
+        // Larger cells change less from frame to frame, so an eye averages less of their noise.
+        let perceived = noise_variance.sqrt() * resolve.sqrt() * scale / (1.0 + 4.0 * scale);
+        put(self, "perceived_noise", "luminance", perceived, Some(perceived * 0.01));
+        put(self, "invalid_px", "px", 0.0, None);
         if chance {
             // In a real run, these metrics have a row for the last frame only.
             self.put(&Row { frame: Some(15), ..base.clone() }, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
@@ -133,11 +174,14 @@ impl Rows {
         }
     }
 
-    /// Adds the device times of a choice.
-    pub(super) fn times(&mut self, base: &Row, shading: f64) {
+    /// Adds the device times of a choice. `first` is the shading time of the first choice of the view, by which that of this choice is divided.
+    pub(super) fn times(&mut self, base: &Row, shading: f64, first: f64) {
         for (pass, ms) in [("geometry", 2.1), ("classification", 0.4), ("shading", shading), ("lighting", 1.2)] {
-            self.put(base, &format!("gpu_ms:{pass}"), "ms", ms, Some(ms * 0.01));
+            self.put(base, &metrics::time_of(pass), "ms", ms, Some(ms * 0.01));
         }
+        let ratio = shading / first;
+        let is_first = shading.to_bits() == first.to_bits();
+        self.put(base, metrics::SHADING_RATIO, "1", ratio, Some(if is_first { 0.0 } else { ratio * 0.01 }));
     }
 
     /// Adds the rows that describe the reference of a view.
@@ -152,6 +196,19 @@ impl Rows {
         self.put(&base, "reference_spp", "samples", 64.0, None);
         self.put(&base, "reference_se", "linear albedo", standard_error, None);
         self.put(&Row { lag: Some(1), ..base.clone() }, "reference_difference", "luminance", 0.0011, None);
+    }
+
+    /// Adds the row that describes the reference sequence of a temporal resolve.
+    fn resolved_reference(&mut self, base: &Row, temporal: &str) {
+        let of_resolve = Row {
+            variant: "reference".to_owned(),
+            estimator: String::new(),
+            noise: String::new(),
+            temporal: temporal.to_owned(),
+            lag: Some(1),
+            ..base.clone()
+        };
+        self.put(&of_resolve, "reference_difference", "luminance", 0.0007, None);
     }
 }
 
@@ -211,7 +268,7 @@ pub(super) fn variants(folder: &Path, views: &[&str], noises: &[&str]) -> RunDat
                 let row = Row { variant: variant.clone(), noise: (*noise).to_owned(), ..base(view) };
                 rows.choice(&row, cell(noise), 1.0);
                 if k == 0 {
-                    rows.times(&row, shading_ms(&variant));
+                    rows.times(&row, shading_ms(&variant), shading_ms("auto"));
                 }
             }
         }
@@ -277,6 +334,8 @@ pub(super) fn verdicts() -> Vec<Verdict> {
 pub(super) fn temporal(folder: &Path, noises: &[&str]) -> RunData {
     let mut rows = Rows::new();
     rows.reference(&base("sideways"), 0.0004);
+    rows.resolved_reference(&base("sideways"), "exponential");
+    rows.resolved_reference(&base("sideways"), "flipquad");
     for noise in noises {
         for (temporal, resolve) in [("off", 1.0), ("exponential", 0.25), ("flipquad", 0.6)] {
             let row = Row { noise: (*noise).to_owned(), temporal: temporal.to_owned(), ..base("sideways") };
@@ -304,25 +363,26 @@ pub(super) fn estimators(folder: &Path) -> RunData {
         ("luna8", 10.0, 0.044, 0.01),
         ("terrain3d", 16.0, 0.09, 0.0009),
     ];
-    for (estimator, fetches, rmse, flicker) in all {
+    for (estimator, fetches, rmse, added) in all {
         let row = Row { estimator: estimator.to_owned(), ..row.clone() };
         rows.put(&row, "fetches_per_px", "samples", fetches, None);
         rows.put(&row, "rmse", "linear albedo", rmse, Some(rmse * 0.01));
-        rows.put(&Row { lag: Some(1), ..row.clone() }, "flicker", "luminance", flicker, Some(flicker * 0.02));
-        rows.put(&Row { lag: Some(1), ..row.clone() }, "flip_rate", "share", flicker * 9.0, Some(flicker * 0.1));
+        rows.put(&Row { lag: Some(1), ..row.clone() }, "added", "luminance", added, Some(added * 0.02));
+        rows.put(&Row { lag: Some(1), ..row.clone() }, "flip_rate", "share", added * 9.0, Some(added * 0.1));
         rows.put(&row, "clumping", "white = 1", 1.3, Some(0.05));
-        rows.times(&row, 2.0 + fetches);
+        rows.times(&row, 2.0 + fetches, 2.0 + all[0].1);
     }
     let names: Vec<&str> = all.iter().map(|e| e.0).collect();
     let definition = definition(&format!("frames = 16\nviews = [\"cliff\"]\nvariants = [\"near-cliff\"]\nestimators = {names:?}"));
     run(definition, rows, folder)
 }
 
-/// Returns a run with a single choice.
+/// Returns a run with a single choice, of which only albedo is measured.
 pub(super) fn one(folder: &Path) -> RunData {
     let mut rows = Rows::new();
-    rows.put(&base("cliff"), "fetches_per_px", "samples", 10.25, None);
-    rows.put(&base("cliff"), "rmse", "linear albedo", 0.02, Some(0.001));
+    let row = Row { signal: "albedo".to_owned(), ..base("cliff") };
+    rows.put(&row, "fetches_per_px", "samples", 10.25, None);
+    rows.put(&row, "rmse", "linear albedo", 0.02, Some(0.001));
     run(definition("frames = 1\nvariants = [\"auto\"]\nviews = [\"cliff\"]"), rows, folder)
 }
 

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::checks::GoldenRow;
+use super::checks::{Check, GoldenRow, Mark};
 
 /// Escapes the five characters that have a meaning in HTML.
 pub(crate) fn escape(text: &str) -> String {
@@ -37,12 +37,25 @@ pub(super) fn header(kicker: &str, heading: &str) -> String {
     format!("<header><p class=\"kicker\">{}</p>\n<h1>{}</h1></header>\n", escape(kicker), escape(heading))
 }
 
-/// Returns the section with the answer to the run's question and the checks of the run. Each check consists of its result and its description. The
-/// answer and the descriptions are text.
-pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
-    let mut html = format!("<section class=\"verdict\"><p>{}</p>\n<ul>", escape(answer));
-    for (good, text) in checks {
-        html += &format!("<li class=\"{}\">{}</li>\n", mark(*good), escape(text));
+/// Returns the section with the answer to the run's question, the checks of the run, and remarks. The first line of the answer is emphasised, because
+/// it answers the question; the other lines have the details. The answer, the descriptions of the checks and the remarks are text.
+pub(super) fn verdict(answer: &str, checks: &[Check], remarks: &[String]) -> String {
+    let (first, rest) = answer.split_once('\n').unwrap_or((answer, ""));
+    let mut html = format!("<section class=\"verdict\"><p class=\"answer\">{}</p>\n", escape(first));
+    if !rest.is_empty() {
+        html += &format!("<p>{}</p>\n", escape(rest));
+    }
+    html += "<ul>";
+    for (result, text) in checks {
+        let class = match result {
+            Mark::Passes => mark(true),
+            Mark::Fails => mark(false),
+            Mark::Unclear => "unclear",
+        };
+        html += &format!("<li class=\"{class}\">{}</li>\n", escape(text));
+    }
+    for remark in remarks {
+        html += &format!("<li class=\"remark\">{}</li>\n", escape(remark));
     }
     html + "</ul></section>\n"
 }
@@ -77,12 +90,14 @@ pub(super) const FETCHES_TERM: (&str, &str) =
 /// Name and explanation of the bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",
-    "mean of linear albedo over seeds, pixels and channels, minus the mean of the exact blend of the same flavours; \u{b1} = standard error.",
+    "mean of linear albedo over seeds, pixels and channels, minus the mean of the exact blend of the same flavours; \u{b1} = standard error. Cancelling: \
+     the probability, without any bias, of biases of areas of 16 x 16 pixels as large as the measured ones.",
 );
 /// Name and explanation of the variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (
     "Variance",
-    "variance of a pixel's linear albedo over seeds, averaged over pixels and channels, and the variance that the theory of random selection predicts.",
+    "variance of a pixel's linear albedo over seeds, averaged over pixels and channels; Theory: what the theory of random selection predicts for it; Exact \
+     MSE: mean squared difference from the exact blend, which is compared with the theory.",
 );
 /// Names and explanation of the ways in which a variant is chosen.
 pub(super) const CHOICE_TERM: (&str, &str) = (
@@ -215,6 +230,17 @@ fn paired<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_line_of_an_answer_is_emphasised() {
+        let checks = [(Mark::Fails, "1 < 2".to_owned()), (Mark::Unclear, "so".to_owned())];
+        assert_eq!(
+            verdict("It is a.\nIn view b, c & d.\nIn view e, f.", &checks, &["g > h".to_owned()]),
+            "<section class=\"verdict\"><p class=\"answer\">It is a.</p>\n<p>In view b, c &amp; d.\nIn view e, f.</p>\n<ul><li class=\"bad\">1 &lt; \
+             2</li>\n<li class=\"unclear\">so</li>\n<li class=\"remark\">g &gt; h</li>\n</ul></section>\n"
+        );
+        assert_eq!(verdict("It is a.", &[], &[]), "<section class=\"verdict\"><p class=\"answer\">It is a.</p>\n<ul></ul></section>\n");
+    }
 
     #[test]
     fn markup_in_names_stays_text() {

@@ -1,5 +1,6 @@
 //! Writes the short version of the report as Markdown without pictures, for a pull request.
 
+use super::checks::Mark;
 use super::columns::{self, Cell};
 use super::numbers::number;
 use super::summary::Table;
@@ -13,9 +14,15 @@ const WHOLE: usize = 16;
 pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> String {
     let definition = &run.definition;
     let question = if definition.question.trim().is_empty() { &definition.name } else { &definition.question };
-    let mut text = format!("# {}\n\n{}\n\n", escape(question), escape(answer));
-    for (good, words) in columns::checks(run, table, verdicts) {
-        text += &format!("- {} {}\n", mark(good), escape(&words));
+    // The first line of the answer answers the question; the other lines have the details.
+    let mut lines = answer.lines().map(escape);
+    let mut text = format!("# {}\n\n**{}**\n\n", escape(question), lines.next().unwrap_or_default());
+    lines.for_each(|line| text += &format!("{line}\n\n"));
+    for (result, words) in columns::checks(run, table, verdicts) {
+        text += &format!("- {} {}\n", mark(result), escape(&words));
+    }
+    for remark in columns::remarks(table) {
+        text += &format!("- {}\n", escape(&remark));
     }
     text += &expectations(run, verdicts);
     let (choices, cut) = choices(run, table);
@@ -39,8 +46,12 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     text
 }
 
-fn mark(good: bool) -> &'static str {
-    if good { "\u{2705}" } else { "\u{274c}" }
+fn mark(result: Mark) -> &'static str {
+    match result {
+        Mark::Passes => "\u{2705}",
+        Mark::Fails => "\u{274c}",
+        Mark::Unclear => "\u{2754}",
+    }
 }
 
 fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
@@ -54,7 +65,7 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
         let value = if verdict.value.is_nan() { "\u{2013}".to_owned() } else { number(verdict.value) };
         text += &format!(
             "| {} | {} | {} | {value} | {} to {} | {} |\n",
-            mark(verdict.met),
+            mark(Mark::of(verdict.met)),
             escape(&verdict.claim),
             escape(&verdict.metric),
             number(verdict.range[0]),
@@ -74,17 +85,20 @@ fn choices(run: &RunData, table: &Table) -> (String, usize) {
     let rows: Vec<usize> = (0..table.summaries.len())
         .filter(|&i| {
             let single = table.summaries[i].key.flavours().is_none_or(|n| n == 1);
-            table.summaries.len() <= WHOLE || single || !fronts[i].name().is_empty()
+            table.summaries.len() <= WHOLE || single || fronts[i].is_on()
         })
         .collect();
     let mut head: Vec<String> = keys.iter().map(|(name, _)| (*name).to_owned()).chain(["Front".to_owned()]).collect();
-    head.extend(shown.iter().map(|c| format!("{} ({})", c.heading, c.unit)));
+    head.extend(shown.iter().map(|c| match c.unit(table) {
+        unit if unit.is_empty() => c.heading.to_owned(),
+        unit => format!("{} ({unit})", c.heading),
+    }));
     let lines = keys.iter().map(|_| "---").chain(["---"]).chain(shown.iter().map(|_| "---:"));
     let mut text = format!("\n## Choices\n\n| {} |\n| {} |\n", head.join(" | "), lines.collect::<Vec<_>>().join(" | "));
     let mut reasons: Vec<String> = Vec::new();
     for &index in &rows {
         let mut cells: Vec<String> = keys.iter().map(|(_, of)| escape(of(&table.summaries[index]))).collect();
-        cells.push(fronts[index].name().to_owned());
+        cells.push(fronts[index].name());
         for column in &shown {
             cells.push(match columns::cell(run, table, index, column.source) {
                 Cell::Value { shown, .. } => shown,
@@ -98,6 +112,9 @@ fn choices(run: &RunData, table: &Table) -> (String, usize) {
             });
         }
         text += &format!("| {} |\n", cells.join(" | "));
+    }
+    if rows.iter().any(|&i| fronts[i].name().contains('(')) {
+        text += "\nA front in brackets: the choice is not on that front, but as good as one that is, within chance.\n";
     }
     if !reasons.is_empty() {
         text += &format!("\nA dash means that there is no number. {}.\n", escape(&reasons.join("; ")));

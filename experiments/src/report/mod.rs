@@ -2,8 +2,9 @@
 //!
 //! In the reports, a *choice* is one combination of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
-//! Suggested reading order: [`summary`] (converts the rows of a run to one summary for each choice), [`verdict`] (the sentence that answers the
-//! question of the run), [`columns`] (the columns of the tables), [`run`] (the HTML page), [`markdown`] (the short text for a pull request).
+//! Suggested reading order: [`summary`] (converts the rows of a run to one summary for each choice), [`numbers`] (what chance explains, and the Pareto
+//! front), [`verdict`] (the answer to the question of the run), [`columns`] (the columns of the tables), [`run`] (the HTML page), [`markdown`] (the
+//! short text for a pull request).
 
 mod checks;
 mod columns;
@@ -20,6 +21,7 @@ mod plots;
 mod run;
 pub(crate) mod stability;
 mod summary;
+mod tested;
 #[cfg(test)]
 mod tests;
 mod verdict;
@@ -44,7 +46,7 @@ pub(crate) struct RunData {
     pub(crate) manifest: serde_json::Value,
     /// The rows of all metrics except device times.
     pub(crate) rows: Vec<Row>,
-    /// The rows of device times. Their metrics have names of the form `gpu_ms:PASS`.
+    /// The rows of device times and their ratios. Their metrics have names of the form `gpu_ms:PASS` and `gpu_ratio:PASS`.
     pub(crate) times: Vec<Row>,
     /// The run's folder, which holds the pictures and receives the report.
     pub(crate) folder: PathBuf,
@@ -75,7 +77,7 @@ impl RunData {
 pub(crate) struct Written {
     /// File name of the HTML page.
     pub(crate) page: PathBuf,
-    /// The sentence that answers the run's question.
+    /// The answer to the run's question: one sentence, and a line with details for each view.
     pub(crate) verdict: String,
 }
 

@@ -1,9 +1,70 @@
-//! Formats numbers, and makes statistical statements about them.
+//! Formats numbers, and makes statements about them.
 
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use crate::significance::{self, limit};
 
-/// Half-width of a 95 % confidence interval of a normal mean, in standard errors.
-pub(super) const CONFIDENCE_95: f64 = 1.96;
+/// The probability with which chance alone makes a report say that something differs: that any choice of a plot is on the Pareto front, or that any
+/// value of a sentence differs from the best one. (The level of the checks is smaller: [`significance::LEVEL`].)
+pub(super) const LEVEL: f64 = 0.05;
+
+/// A measured value with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Estimate {
+    pub(super) value: f64,
+    /// Standard error; 0 = the value is exact, or its standard error is not known.
+    pub(super) error: f64,
+    /// Degrees of freedom of the standard error, at least 1; infinite = the standard error is certain.
+    pub(super) freedom: f64,
+}
+
+impl Estimate {
+    /// Returns an estimate without a standard error.
+    pub(super) fn exact(value: f64) -> Estimate {
+        Estimate { value, error: 0.0, freedom: f64::INFINITY }
+    }
+
+    /// Whether the value is larger than another one, and chance explains this with a probability of less than `level`, which is at most 0.5. The
+    /// probability is that of a difference at least as large as the one measured, if the true values are equal. It is that of Student's t distribution
+    /// (one-sided), with the degrees of freedom by Welch and Satterthwaite. Values without standard errors are compared as they are.
+    pub(super) fn is_above(self, other: Estimate, level: f64) -> bool {
+        let difference = self.value - other.value;
+        let error = self.error.hypot(other.error);
+        if !(difference > 0.0 && error > 0.0) {
+            return difference > 0.0;
+        }
+        // One side of the distribution has half the probability of both.
+        difference > limit(2.0 * level, freedom_of_sum([(self.error, self.freedom), (other.error, other.freedom)])) * error
+    }
+
+    /// Returns the ratio of two values, and the half-width of its 95 % confidence interval, by the delta method; `None` = no standard error is known.
+    pub(super) fn over(self, other: Estimate) -> (f64, Option<f64>) {
+        let ratio = self.value / other.value;
+        let relative = |estimate: Estimate| (estimate.error / estimate.value).abs();
+        let error = ratio.abs() * relative(self).hypot(relative(other));
+        let freedom = freedom_of_sum([(relative(self), self.freedom), (relative(other), other.freedom)]);
+        (ratio, (error > 0.0 && error.is_finite()).then(|| half_width(error, freedom)))
+    }
+}
+
+/// Returns the degrees of freedom of the standard error of a sum or difference, from the standard errors of its two terms and their degrees of freedom
+/// (Welch 1947, Satterthwaite 1946).
+fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
+    let variance: f64 = terms.iter().map(|(error, _)| error * error).sum();
+    let doubt: f64 = terms.iter().map(|(error, freedom)| error.powi(4) / freedom).sum();
+    // The result is never smaller than the smaller of the two. Rounding must not make it so, because there is no interval below 1.
+    let [(_, one), (_, other)] = terms;
+    if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
+}
+
+/// Returns the half-width of a 95 % confidence interval. A standard error that comes from few values is itself uncertain, so the interval is wider than
+/// 1.96 standard errors.
+pub(super) fn half_width(standard_error: f64, freedom: f64) -> f64 {
+    limit(0.05, freedom) * standard_error
+}
+
+/// Returns the level for each of `count` statements, such that the level for all of them together is [`LEVEL`] (Šidák's correction).
+pub(super) fn level_of_each(count: usize) -> f64 {
+    significance::sidak_at(LEVEL, count)
+}
 
 /// Formats a value with three significant digits and without trailing zeros, for axes and sentences. Very small values are written with a power of
 /// ten, so that only the value 0 is written as 0.
@@ -32,51 +93,118 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// Formats a value with the half-width of its 95 % confidence interval, if its standard error is known.
-pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
-    match standard_error {
-        Some(error) if error > 0.0 && error.is_finite() => format!("{} \u{b1} {}", number(value), number(CONFIDENCE_95 * error)),
-        _ => number(value),
+/// Formats a value with the half-width of its confidence interval, if it is known. The half-width has two significant digits, and the value has the same
+/// decimals.
+pub(super) fn with_interval(value: f64, half: Option<f64>) -> String {
+    let Some(half) = half.filter(|half| *half > 0.0 && half.is_finite() && value.is_finite()) else { return number(value) };
+    let exponent: i32 = format!("{half:.1e}").rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
+    if !(-8..6).contains(&exponent) {
+        return format!("{} \u{b1} {}", number(value), number(half));
+    }
+    let digits = usize::try_from(1 - exponent).unwrap_or(0);
+    format!("{value:.digits$} \u{b1} {half:.digits$}")
+}
+
+/// A point of a plot of cost against error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub(super) cost: Estimate,
+    pub(super) error: Estimate,
+}
+
+/// The Pareto front of a plot of cost against error.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Front {
+    /// Indices of the points on the front, by increasing cost.
+    pub(super) points: Vec<usize>,
+    /// For each point on the front, the points that are not on the front but that nothing distinguishes from it: chance explains why they are dearer,
+    /// or why their error is larger.
+    pub(super) alike: Vec<Vec<usize>>,
+}
+
+impl Front {
+    /// Whether a point is on the front.
+    pub(super) fn contains(&self, point: usize) -> bool {
+        self.points.contains(&point)
+    }
+
+    /// Whether a point is not on the front, but as good as one that is, within chance.
+    pub(super) fn is_alike(&self, point: usize) -> bool {
+        self.alike.iter().any(|alike| alike.contains(&point))
     }
 }
 
-/// Returns the limit for the largest of `count` deviations from expected values, in standard errors. If all expected values are right, the
-/// largest deviation exceeds the limit with a probability of at most 0.1 %. The limit uses Šidák's correction, which remains valid if the
-/// estimates share data. Each standard error is itself an estimate from `seeds` numbers, so the ratio of deviation and standard error
-/// follows Student's t distribution with `seeds` - 1 degrees of freedom. With few seeds, such as 4, this makes the limit large.
-pub(super) fn sidak_limit(count: usize, seeds: u32) -> f64 {
-    let each = 1.0 - 0.999f64.powf(1.0 / count.max(1) as f64);
-    // The distribution requires more than 0 degrees of freedom, so at least 2 seeds are assumed.
-    StudentsT::new(0.0, 1.0, f64::from(seeds.max(2) - 1)).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - each / 2.0))
+/// Returns the Pareto front, with its intervals taken into account. A point is on the front if chance does not explain its advantage over any other
+/// point of the front:
+///
+/// 1. Points are taken by increasing cost, and points of equal cost by increasing error. A point joins the front if its error is smaller than that of
+///    every point that joined before it ([`Estimate::is_above`]).
+/// 2. A point leaves the front if a dearer point of the front, whose error is therefore smaller, is not really dearer: chance explains the difference
+///    in cost.
+///
+/// Each point is one decision in the first step. If costs have standard errors, it is a second one in the second step. The level of each decision
+/// follows from their number, so that chance alone puts any further point on the front with a probability of at most [`LEVEL`]. Points whose cost or
+/// error is not finite are left out.
+pub(super) fn pareto_front(points: &[Place]) -> Front {
+    let finite = |i: &usize| points[*i].cost.value.is_finite() && points[*i].error.value.is_finite();
+    let mut order: Vec<usize> = (0..points.len()).filter(finite).collect();
+    let key = |i: usize| (points[i].cost.value, points[i].error.value);
+    order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then(a.cmp(&b)));
+    let steps = if order.iter().any(|&i| points[i].cost.error > 0.0) { 2 } else { 1 };
+    let each = level_of_each(order.len().saturating_sub(1) * steps);
+    let is_dearer = |a: usize, b: usize| points[a].cost.is_above(points[b].cost, each);
+    let is_worse = |a: usize, b: usize| points[a].error.is_above(points[b].error, each);
+    let mut joined: Vec<usize> = Vec::new();
+    for &point in &order {
+        if joined.iter().all(|&before| is_worse(before, point)) {
+            joined.push(point);
+        }
+    }
+    let mut front: Vec<usize> = Vec::new();
+    for &point in joined.iter().rev() {
+        if front.iter().all(|&dearer| is_dearer(dearer, point)) {
+            front.push(point);
+        }
+    }
+    front.reverse();
+    let mut alike = vec![Vec::new(); front.len()];
+    for &point in order.iter().filter(|point| !front.contains(point)) {
+        let distance = |k: &usize| (points[front[*k]].error.value - points[point].error.value).abs();
+        let near = (0..front.len()).filter(|&k| !is_dearer(point, front[k]) && !is_worse(point, front[k]));
+        if let Some(k) = near.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
+            alike[k].push(point);
+        }
+    }
+    Front { points: front, alike }
 }
 
-/// Returns the indices of the points on the Pareto front, by increasing x. A point is on the front if no other point dominates it. A point dominates
-/// another one if it is at most as large in both coordinates and smaller in at least one. Points with NaN or infinite coordinates are omitted.
-pub(super) fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
-    let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
-    let dominates = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
-    let mut front: Vec<usize> =
-        (0..points.len()).filter(|&i| finite(&points[i]) && !points.iter().any(|p| finite(p) && dominates(p, &points[i]))).collect();
-    front.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(a.cmp(&b)));
-    front
-}
-
-/// Compares two times as a statement about speed, such as "4.20 times as fast as". `ms` belongs to the subject of the sentence, and `other_ms` to the
-/// choice with which it is compared. `None` if a time is missing.
-pub(super) fn speed(ms: f64, other_ms: f64) -> Option<String> {
-    let ratio = other_ms / ms;
-    if !(ms > 0.0 && other_ms > 0.0 && ratio.is_finite()) {
+/// Compares two times as a statement about speed, such as "4.20 ± 0.10 times as fast as". `time` belongs to the subject of the sentence, and `other` to
+/// the choice with which it is compared. The interval is that of independent times; it is too wide if both times are ratios to a third one. If it
+/// contains 1, the run cannot tell which is faster. `None` if a time is missing.
+pub(super) fn speed(time: Estimate, other: Estimate) -> Option<String> {
+    if !(time.value > 0.0 && other.value > 0.0 && (other.value / time.value).is_finite()) {
         return None;
     }
-    Some(match ratio {
+    let (faster, half) = other.over(time);
+    if let Some(half) = half.filter(|half| (faster - 1.0).abs() <= *half) {
+        return Some(format!("as fast within chance (\u{b1} {:.0} %) as", 100.0 * half / faster));
+    }
+    let said = |(ratio, half): (f64, Option<f64>)| match half {
+        Some(half) => with_interval(ratio, Some(half)),
+        None => format!("{ratio:.2}"),
+    };
+    Some(match faster {
         r if (0.98..=1.02).contains(&r) => "as fast as".to_owned(),
-        r if r > 1.0 => format!("{r:.2} times as fast as"),
-        r => format!("{:.2} times as slow as", 1.0 / r),
+        r if r > 1.0 => format!("{} times as fast as", said((faster, half))),
+        _ => format!("{} times as slow as", said(time.over(other))),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use kernels::shared::hash::pcg4d;
+    use kernels::shared::moments::Moments;
+
     use super::*;
 
     #[test]
@@ -85,38 +213,206 @@ mod tests {
         assert_eq!([3.1e-8, -3.1e-8, 1e-4, 2.5e9].map(number), ["3.1e-8", "-3.1e-8", "0.0001", "2.50e9"]);
         assert_eq!([0.05, 9.996, 48.0, 0.0].map(significant), ["0.0500", "10.0", "48.0", "0"]);
         assert_eq!([f64::INFINITY, f64::NEG_INFINITY].map(number), ["\u{221e}", "\u{2212}\u{221e}"]);
-        assert_eq!(with_interval(0.05, Some(0.01)), "0.05 \u{b1} 0.0196");
-        assert_eq!(with_interval(0.05, Some(f64::NAN)), "0.05");
     }
 
     #[test]
-    fn limits_grow_with_the_family() {
-        // Published tables of Student's t distribution give these limits for a two-sided level of 0.1 %: 12.924 with 3 degrees of freedom, and 4.073
-        // with 15.
-        assert!((sidak_limit(1, 4) - 12.924).abs() < 1e-3 && (sidak_limit(1, 16) - 4.073).abs() < 1e-3);
-        // With many seeds, the limit approaches that of the normal distribution. It is 3.29 for one estimate. For 33 estimates, each has a level of
-        // about 0.001 / 33, and the limit is 4.17.
-        assert!((sidak_limit(1, 1_000_000) - 3.2905).abs() < 1e-3 && (sidak_limit(33, 1_000_000) - 4.17).abs() < 0.01);
-        assert!(sidak_limit(600, 16) > sidak_limit(33, 16));
+    fn intervals_set_the_digits_of_their_value() {
+        let cases = [(0.05, 0.0196), (0.001_234_5, 0.000_098_7), (12.345, 0.5), (1234.4, 45.0), (0.3, 0.0996), (0.0, 0.02)];
+        let texts = [
+            "0.050 \u{b1} 0.020",
+            "0.001234 \u{b1} 0.000099",
+            "12.35 \u{b1} 0.50",
+            "1234 \u{b1} 45",
+            "0.30 \u{b1} 0.10",
+            "0.000 \u{b1} 0.020",
+        ];
+        assert_eq!(cases.map(|(value, half)| with_interval(value, Some(half))), texts);
+        assert_eq!([None, Some(f64::NAN), Some(0.0), Some(f64::INFINITY)].map(|half| with_interval(0.05, half)), ["0.05"; 4]);
+        assert_eq!(with_interval(3e-9, Some(1e-10)), "3.0e-9 \u{b1} 1.0e-10");
+    }
+
+    #[test]
+    fn intervals_are_wider_if_few_values_give_the_standard_error() {
+        // Published tables of Student's t distribution, two-sided level 5 %.
+        for (freedom, factor) in [(1.0, 12.706), (2.0, 4.303), (14.0, 2.145), (f64::INFINITY, 1.960)] {
+            assert!((half_width(1.0, freedom) - factor).abs() < 1e-3, "{freedom}: {}", half_width(1.0, freedom));
+        }
+        // Two equal standard errors of n degrees of freedom have 2 n; if one is 0, it does not count.
+        assert!((freedom_of_sum([(0.3, 7.0), (0.3, 7.0)]) - 14.0).abs() < 1e-9);
+        assert!((freedom_of_sum([(0.3, 7.0), (0.0, 2.0)]) - 7.0).abs() < 1e-9);
+        assert!(freedom_of_sum([(0.0, 7.0), (0.0, 2.0)]).is_infinite());
+    }
+
+    #[test]
+    fn a_difference_is_told_if_chance_does_not_explain_it() {
+        let estimate = |value: f64, error: f64, freedom: f64| Estimate { value, error, freedom };
+        // The standard error of the difference is 0.05. With 14 degrees of freedom, the one-sided limit of 5 % is 1.761 standard errors: 0.088.
+        let base = estimate(1.0, 0.03, f64::INFINITY);
+        let with = |difference: f64, freedom: f64| estimate(1.0 + difference, 0.04, freedom).is_above(base, 0.05);
+        // The other standard error is certain, so the degrees of freedom are 14 x (0.05 / 0.04)^4 = 34.2, and the limit is 1.691.
+        assert_eq!([with(0.0840, 14.0), with(0.0850, 14.0)], [false, true]);
+        assert_eq!([with(0.0820, f64::INFINITY), with(0.0830, f64::INFINITY)], [false, true]);
+        assert!(!with(-1.0, 14.0), "it is smaller");
+        // Without standard errors, the values are compared as they are.
+        assert!(
+            Estimate::exact(1.0f64.next_up()).is_above(Estimate::exact(1.0), 1e-9)
+                && !Estimate::exact(1.0).is_above(Estimate::exact(1.0), 0.5)
+        );
+        assert!(!Estimate::exact(f64::NAN).is_above(base, 0.5) && !base.is_above(Estimate::exact(f64::NAN), 0.5));
+        // Šidák: 10 statements of this level each have 5 % together.
+        assert!((1.0 - (1.0 - level_of_each(10)).powi(10) - LEVEL).abs() < 1e-12);
+    }
+
+    #[test]
+    fn ratios_have_the_interval_of_the_delta_method() {
+        let estimate = |value: f64, error: f64| Estimate { value, error, freedom: f64::INFINITY };
+        // Relative standard errors of 3 % and 4 % give one of 5 %.
+        let (ratio, half) = estimate(20.0, 0.6).over(estimate(5.0, 0.2));
+        assert!((ratio - 4.0).abs() < 1e-12 && (half.expect("known") - 1.96 * 0.2).abs() < 1e-3);
+        assert_eq!(Estimate::exact(20.0).over(Estimate::exact(5.0)), (4.0, None));
+    }
+
+    /// A point without standard errors.
+    fn at(cost: f64, error: f64) -> Place {
+        Place { cost: Estimate::exact(cost), error: Estimate::exact(error) }
     }
 
     #[test]
     fn front_keeps_what_nothing_dominates() {
-        let points = [(8.0, 1.0), (2.0, 5.0), (4.0, 3.0), (f64::NAN, 0.0), (4.0, 3.0)];
-        assert_eq!(pareto_front(&points), [1, 2, 4, 0]);
+        let points = [at(8.0, 1.0), at(2.0, 5.0), at(4.0, 3.0), at(f64::NAN, 0.0), at(4.0, 3.0), at(1.0, f64::INFINITY)];
+        let front = pareto_front(&points);
+        // The second of two equal points is as good as the first.
+        assert_eq!((front.points.as_slice(), front.alike.as_slice()), (&[1, 2, 0][..], &[vec![], vec![4], vec![]][..]));
+        assert!(front.contains(2) && !front.contains(4) && front.is_alike(4) && !front.is_alike(2));
         // Negative controls: a point that is dominated in both coordinates, and points that are equal in one coordinate and dominated in the other.
-        for dominated in [(5.0, 4.0), (4.0, 3.5), (4.5, 3.0)] {
+        for dominated in [at(5.0, 4.0), at(4.0, 3.5), at(4.5, 3.0)] {
             let with = [&points[..], &[dominated]].concat();
-            assert_eq!(pareto_front(&with), [1, 2, 4, 0], "{dominated:?}");
+            assert_eq!(pareto_front(&with), front, "{dominated:?}");
         }
-        assert!(pareto_front(&[&points[..], &[(3.0, 4.0)]].concat()).contains(&5));
+        assert!(pareto_front(&[&points[..], &[at(3.0, 4.0)]].concat()).contains(6));
+        assert_eq!(pareto_front(&[]), Front::default());
+    }
+
+    #[test]
+    fn a_point_within_chance_of_the_front_is_named_beside_it() {
+        let point =
+            |cost: f64, error: f64| Place { cost: Estimate::exact(cost), error: Estimate { value: error, error: 0.01, freedom: 14.0 } };
+        // Chance explains a difference of up to 2.36 standard errors (0.0334) for 4 decisions with 28 degrees of freedom. The second point is cheaper than
+        // the third, and chance explains why its error is larger. The fourth is dearer than the third, and chance explains why its error is smaller. The
+        // last is worse than all others.
+        let points = [point(1.0, 1.0), point(2.0, 0.97), point(3.0, 0.94), point(4.0, 0.935), point(5.0, 2.0)];
+        let front = pareto_front(&points);
+        assert_eq!((front.points.as_slice(), front.alike.as_slice()), (&[0, 2][..], &[vec![], vec![1]][..]));
+        // With a standard error that is a tenth of this, each of the first three errors is distinguishably smaller than the one before.
+        let sharp = points.map(|p| Place { error: Estimate { error: 0.001, ..p.error }, ..p });
+        assert_eq!(pareto_front(&sharp).points, [0, 1, 2, 3]);
+    }
+
+    /// A normal deviate of mean 0 and variance 1 (Box and Muller).
+    fn normal(table: u32, point: u32, sample: u32, salt: u32) -> f64 {
+        let h = pcg4d([table, point, sample, salt]).map(|h| (f64::from(h) + 0.5) / 4_294_967_296.0);
+        (-2.0 * h[0].ln()).sqrt() * (std::f64::consts::TAU * h[1]).cos()
+    }
+
+    /// The mean of `samples` normal numbers around `mean`, with the standard error from their scatter.
+    fn measured(mean: f64, deviation: f64, samples: u32, at: [u32; 3]) -> Estimate {
+        let mut moments = Moments::<f64>::new();
+        (0..samples).for_each(|sample| moments.add([mean + deviation * normal(at[0], at[1], sample, at[2]), 0.0]));
+        Estimate { value: moments.mean(), error: moments.standard_error().expect("several samples"), freedom: f64::from(samples - 1) }
+    }
+
+    /// Number of seeded tables of a simulation.
+    const TABLES: u32 = 1000;
+
+    /// Counts the tables for whose front `holds` is true.
+    fn count(table: impl Fn(u32) -> Vec<Place>, holds: impl Fn(&Front) -> bool) -> u32 {
+        (0..TABLES).map(|seed| u32::from(holds(&pareto_front(&table(seed))))).sum()
+    }
+
+    /// Null hypothesis: noise alone puts a wrong point on the front in at most 5 % of all tables. Each of 5 counts of 1000 tables is held to the level
+    /// 1 - (1 - 0.001)^(1/5), so the family has the level 0.001 (Šidák). A binomial count of 1000 tables with a probability of 5 % exceeds 76 with a
+    /// smaller probability than this level.
+    const MOST: u32 = 76;
+
+    #[test]
+    fn noise_alone_seldom_puts_a_point_on_the_front() {
+        let fetches = |point: u32| Estimate::exact(f64::from(point + 1));
+        // 12 choices with the same true error, each measured in 15 frames: only the cheapest belongs on the front.
+        let alike = |points: u32, samples: u32| {
+            move |seed: u32| -> Vec<Place> {
+                (0..points).map(|point| Place { cost: fetches(point), error: measured(1.0, 0.1, samples, [seed, point, 1]) }).collect()
+            }
+        };
+        let several = |front: &Front| front.points.len() > 1;
+        for (points, samples) in [(12, 15), (12, 3), (40, 15)] {
+            let wrong = count(alike(points, samples), several);
+            assert!(wrong <= MOST, "{wrong} of {TABLES} tables of {points} choices");
+        }
+        // Negative control: without their standard errors, the errors of 12 equal choices are in descending order at some place in 11 of 12 tables.
+        let blind = |seed: u32| -> Vec<Place> {
+            alike(12, 15)(seed).into_iter().map(|p| Place { error: Estimate::exact(p.error.value), ..p }).collect()
+        };
+        assert!(count(blind, several) > 850, "the simulation has no noise");
+        // The first choice is worse than the others, but so little that it is told from them in about half of the tables. At most one of the others
+        // belongs on the front.
+        let two = |seed: u32| -> Vec<Place> {
+            let error = |point: u32| measured(if point == 0 { 1.06 } else { 1.0 }, 0.1, 15, [seed, point, 2]);
+            (0..12).map(|point| Place { cost: fetches(point), error: error(point) }).collect()
+        };
+        let wrong = count(two, |front| front.points.len() > 2);
+        assert!(wrong <= MOST, "{wrong} of {TABLES} tables have two points of equal error on the front");
+        let told = count(two, |front| front.points.len() == 2);
+        assert!((TABLES / 4..TABLES * 3 / 4).contains(&told), "{told} of {TABLES} tables tell the first choice from the others");
+        // 6 choices with the same true time, each timed three times, and errors without noise: only the choice with the smallest error belongs on the
+        // front.
+        let timed = |seed: u32| -> Vec<Place> {
+            (0..6)
+                .map(|point| Place { cost: measured(10.0, 0.3, 3, [seed, point, 3]), error: Estimate::exact(2.0 - 0.1 * f64::from(point)) })
+                .collect()
+        };
+        let wrong = count(timed, |front| front.points != [5]);
+        assert!(wrong <= MOST, "{wrong} of {TABLES} tables have a choice on the front that is cheaper by chance");
+    }
+
+    #[test]
+    fn a_real_difference_is_on_the_front() {
+        // The error of choice 7 is smaller by 7 standard errors of a difference, which are 0.1 sqrt(2/15) each. For 11 decisions with 28 degrees of
+        // freedom, the limit is 2.79 standard errors, so the difference exceeds it by more than 4. At least 990 of 1000 tables must have the choice on
+        // the front; with a difference of 5 standard errors, 98 % have it.
+        let gap = 7.0 * 0.1 * (2.0f64 / 15.0).sqrt();
+        let table = |seed: u32| -> Vec<Place> {
+            let error = |point: u32| measured(if point == 7 { 1.0 - gap } else { 1.0 }, 0.1, 15, [seed, point, 4]);
+            (0..12).map(|point| Place { cost: Estimate::exact(f64::from(point + 1)), error: error(point) }).collect()
+        };
+        let found = count(table, |front| front.contains(7));
+        assert!(found >= 990, "{found} of {TABLES}");
+        // Six choices, each twice as dear as the one before: no time is mistaken for another one.
+        let timed = |seed: u32| -> Vec<Place> {
+            let cost = |point: u32| measured(f64::from(10u32 << point), 0.3, 3, [seed, point, 5]);
+            (0..6).map(|point| Place { cost: cost(point), error: Estimate::exact(2.0 - 0.1 * f64::from(point)) }).collect()
+        };
+        let found = count(timed, |front| front.points.len() == 6);
+        assert!(found >= 990, "{found} of {TABLES}");
     }
 
     #[test]
     fn speeds_are_said_both_ways() {
-        assert_eq!(speed(5.0, 20.0).as_deref(), Some("4.00 times as fast as"));
-        assert_eq!(speed(20.0, 5.0).as_deref(), Some("4.00 times as slow as"));
-        assert_eq!(speed(5.0, 5.05).as_deref(), Some("as fast as"));
-        assert_eq!([speed(0.0, 1.0), speed(f64::NAN, 1.0)], [None, None]);
+        let exactly = Estimate::exact;
+        let said = |a: Estimate, b: Estimate| speed(a, b).expect("two times");
+        assert_eq!(said(exactly(5.0), exactly(20.0)), "4.00 times as fast as");
+        assert_eq!(said(exactly(20.0), exactly(5.0)), "4.00 times as slow as");
+        assert_eq!(said(exactly(5.0), exactly(5.05)), "as fast as");
+        assert_eq!([speed(exactly(0.0), exactly(1.0)), speed(exactly(f64::NAN), exactly(1.0))], [None, None]);
+        // Standard errors of 3 % and 4 % are together 5 %, and 1.96 times 5 % of 4 is 0.392.
+        let timed = |value: f64, share: f64, freedom: f64| Estimate { value, error: share * value, freedom };
+        let (one, other) = (timed(5.0, 0.03, f64::INFINITY), timed(20.0, 0.04, f64::INFINITY));
+        assert_eq!(said(one, other), "4.00 \u{b1} 0.39 times as fast as");
+        assert_eq!(said(other, one), "4.00 \u{b1} 0.39 times as slow as");
+        // Two degrees of freedom each: the interval of the ratio 4 has a half-width of 2.776 (4 degrees of freedom) x 4 x sqrt(2) %.
+        assert_eq!(said(timed(5.0, 0.01, 2.0), timed(20.0, 0.01, 2.0)), "4.00 \u{b1} 0.16 times as fast as");
+        // An interval that contains 1, and one that does not, although the difference is small.
+        assert_eq!(said(timed(5.0, 0.02, f64::INFINITY), exactly(5.05)), "as fast within chance (\u{b1} 4 %) as");
+        assert_eq!(said(timed(5.0, 0.1, 2.0), timed(6.0, 0.1, 2.0)), "as fast within chance (\u{b1} 39 %) as");
+        assert_eq!(said(timed(5.0, 0.002, f64::INFINITY), exactly(5.05)), "as fast as");
     }
 }

@@ -23,7 +23,7 @@ const KINDS: [(&str, &str); 5] = [
     ("reference", "References"),
     ("frame", "Frames"),
     ("tile-map", "Variants of tiles"),
-    ("flicker-map", "Flicker maps"),
+    ("residual-map", "Maps of residual flicker"),
     ("error-map", "Error maps"),
 ];
 
@@ -208,13 +208,13 @@ mod tests {
         let folder = run.path().join(PICTURES);
         std::fs::create_dir_all(&folder).expect("writable");
         noisy(480, 480, 1).save(folder.join("a.png")).expect("writable");
-        let all: Vec<RunPicture> = (0..120).map(|i| picture("a.png", if i < 100 { "frame" } else { "flicker-map" })).collect();
+        let all: Vec<RunPicture> = (0..120).map(|i| picture("a.png", if i < 100 { "frame" } else { "residual-map" })).collect();
         write(&folder, &all);
         let html = sheets(&[run.path().to_owned()], ROOM);
         let shown = html.matches("<img").count();
         assert!(html.len() < ROOM + (1 << 18) && shown > 10 && shown < 120, "{shown} in {}", html.len());
         assert!(html.contains(&format!("{} of 120 pictures are left out", 120 - shown)));
-        let maps = html.split("Flicker maps").nth(1).expect("a heading").matches("<img").count();
+        let maps = html.split("Maps of residual flicker").nth(1).expect("a heading").matches("<img").count();
         assert!(maps * 3 > shown, "{maps} of {shown}");
     }
 }

@@ -1,14 +1,14 @@
 //! Builds the HTML page of a run from its rows: answer, facts, plots, tables, pictures, and a section that says in which file each number is.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 
 use super::columns::{self, Cell, Column, Source};
 use super::html::{self, BIAS_TERM, CHOICE_TERM, FETCHES_TERM, SOFTWARE_NOTE, VARIANCE_TERM, escape, mark};
-use super::numbers::{CONFIDENCE_95, number};
+use super::numbers::{LEVEL, number};
 use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point, Rgb, colour};
-use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
+use super::summary::{ADDED, CLUMPING, FLIP, FLIPS, Key, KeyOf, LOST, Metric, Number, PERCEIVED, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
 
 /// Limit of the size of a page, bytes. It determines how much space is left for pictures after all other sections. A page should be small enough to
@@ -39,7 +39,7 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     let room = PAGE_BYTES.saturating_sub(sections.iter().map(String::len).sum());
     sections.insert(sections.len() - 1, pictures::sheets(&run.folders, room));
     let mut body = html::header(&format!("Scree \u{b7} experiment {name}"), question);
-    body += &html::verdict(answer, &columns::checks(run, table, verdicts));
+    body += &html::verdict(answer, &columns::checks(run, table, verdicts), &columns::remarks(table));
     body += &missing(run);
     body += &analysis(run);
     body += &expectations(run, verdicts);
@@ -102,6 +102,11 @@ fn facts(run: &RunData, table: &Table) -> String {
     let terms = [
         FETCHES_TERM,
         ("RMSE, FLIP, PSNR, SSIM", "errors of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
+        (
+            "Albedo, lit",
+            "the signal of a number: linear albedo before lighting, or the lit picture as a screen shows it. Errors and changes are those of the lit \
+             picture if the run measures it. Bias, variance and clumping are always those of albedo, because their theory exists only there.",
+        ),
         BIAS_TERM,
         VARIANCE_TERM,
         (
@@ -109,14 +114,38 @@ fn facts(run: &RunData, table: &Table) -> String {
             "share of surface points, followed by exact reprojection, whose random choice differs from their choice k frames earlier.",
         ),
         (
-            "Flicker",
-            "mean absolute difference in luminance of surface points, followed by exact reprojection, from k frames earlier, minus the same mean of the \
-             reference sequence; below 0, the picture changes less than the reference.",
+            "Added",
+            "the part of a surface point's change in luminance since k frames earlier that the reference sequence does not have, such as noise; root \
+             mean square.",
+        ),
+        (
+            "Lost",
+            "the part of the reference sequence's change that is missing, such as by blur; root mean square; below 0, changes are exaggerated.",
+        ),
+        (
+            "Residual",
+            "mean absolute change of a surface point's error against the reference sequence; 0 only if the error moves with the surface. p95: the 95th \
+             percentile.",
+        ),
+        (
+            "Perceived noise",
+            "the error against the reference sequence after the eye's filters in time, along the motion, and in space; root mean square.",
+        ),
+        (
+            "Excess difference",
+            "mean absolute change minus that of the reference sequence. Blur lowers it and noise raises it, so the two can cancel.",
         ),
         ("Clumping", "variance of block means, divided by that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
         (
+            "Shading",
+            "device time of the shading pass, divided by that of the first row, which was drawn in the same rounds; median over the rounds. Unstable: the \
+             95 % interval is wider than \u{b1} 5 %, so the number takes part in no front and no sentence. Not interleaved: the two times were measured one \
+             after the other, so the interval is not known, and the same holds.",
+        ),
+        (
             "\u{b1}, bars and bands",
-            "95 % confidence intervals (1.96 standard errors), except in the column Bias; without an interval, the error is unknown.",
+            "95 % confidence intervals, except in the column Bias; those of shading times lie between two ratios of single rounds, all others follow from \
+             Student's t distribution; without an interval, the error is unknown.",
         ),
         CHOICE_TERM,
     ];
@@ -151,13 +180,13 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
 }
 
 /// Returns Python code that reads the numbers of a section from the files of the run. In this code, the variable `whole` is a table with the numbers
-/// that the report uses: one row for each choice, metric, lag and frequency.
+/// that the report uses: one row for each choice, signal, metric, lag and frequency.
 fn query(lines: &[&str]) -> String {
     const WHOLE: [&str; 7] = [
         "import pandas as pd",
         "m = pd.read_parquet(\"metrics.parquet\").fillna({\"lag\": 0, \"frequency\": 0})",
         "key = [\"scene\", \"view\", \"variant\", \"estimator\", \"noise\", \"temporal\", \"setting\"]",
-        "at = key + [\"metric\", \"lag\", \"frequency\"]",
+        "at = key + [\"signal\", \"metric\", \"lag\", \"frequency\"]",
         "# use the row over all frames; if there is none, use the mean over the frames",
         "frames = m[m.frame.notna()].groupby(at, as_index=False)[[\"value\", \"standard_error\"]].mean()",
         "whole = pd.concat([m[m.frame.isna()], frames]).drop_duplicates(at)",
@@ -211,7 +240,26 @@ fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
 
 /// Returns the half-width of the 95 % confidence interval of a value; 0 = unknown.
 fn half(summary: &Summary, metric: Metric) -> f64 {
-    summary.error(metric).map_or(0.0, |e| CONFIDENCE_95 * e)
+    summary.half(metric).unwrap_or(0.0)
+}
+
+/// Returns the half-width of the 95 % confidence interval of a number; 0 = unknown.
+fn half_of(found: &Number) -> f64 {
+    found.half().unwrap_or(0.0)
+}
+
+/// Returns Python code that selects the rows without a signal and those of the signal that the report shows.
+fn shown(table: &Table) -> String {
+    format!("whole.signal.isin([\"\", \"{}\"])", table.shown.name())
+}
+
+/// Returns the value of a metric as it is drawn, and the half-width of its 95 % interval (0 = unknown). The shading time is drawn as its ratio to that
+/// of the base of the view.
+fn value_and_half(table: &Table, index: usize, metric: Metric) -> (f64, f64) {
+    match metric {
+        SHADING => table.shading(index).map_or((f64::NAN, 0.0), |shading| (shading.ratio, shading.half_width())),
+        _ => (table.summaries[index].value(metric), half(&table.summaries[index], metric)),
+    }
 }
 
 /// Returns the tooltip of a point in a plot: the columns of the choice, and `words`, which gives the plotted values with the names of their metrics.
@@ -232,16 +280,19 @@ fn named(metric: &str, lag: Option<u32>, value: f64) -> String {
 fn pareto(run: &RunData, table: &Table) -> Result<String> {
     let after = query(&[
         &format!(
-            "whole[whole.metric.isin([\"{}\", \"{}\", \"flicker\"]) & (whole.lag <= 1)].pivot_table(\"value\", key, \"metric\")",
-            table.cost.name, table.error.name
+            "whole[{} & whole.metric.isin([\"{}\", \"{}\", \"{}\"]) & (whole.lag <= 1)].pivot_table(\"value\", key, \"metric\")",
+            shown(table),
+            table.cost.name,
+            table.error.name,
+            ADDED.name
         ),
-        "# for times, do the same with pd.read_csv(\"times.csv\", keep_default_na=False) and the metric \"gpu_ms:shading\"",
+        "# for times, do the same with pd.read_csv(\"times.csv\", keep_default_na=False) and the metric \"gpu_ratio:shading\"",
     ]);
-    per_view(table, "pareto", "Cost against error and flicker", &after, |view| {
+    per_view(table, "pareto", "Cost against error and added change", &after, |view| {
         let rows = table.of_view(view);
         let mut html = String::new();
         for cost in [table.cost, SHADING] {
-            for error in [table.error, FLICKER] {
+            for error in [table.error, ADDED] {
                 html += &pareto_plot(run, table, &rows, cost, error)?.unwrap_or_default();
             }
         }
@@ -252,20 +303,20 @@ fn pareto(run: &RunData, table: &Table) -> Result<String> {
 fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error: Metric) -> Result<Option<String>> {
     let palette = Palette::of(table);
     let front = table.front(rows, cost, error);
-    let base = rows.first().and_then(|&i| columns::shading_base(table, &table.summaries[i].key.view));
-    let scale = if cost == SHADING { base.map_or(f64::NAN, |i| table.summaries[i].value(SHADING)) } else { 1.0 };
+    let base = rows.first().and_then(|&i| table.shading_base(&table.summaries[i].key.view));
     let points: Vec<Point> = rows
         .iter()
         .map(|&index| {
             let summary = &table.summaries[index];
-            let (x, y) = (summary.value(cost) / scale, summary.value(error));
-            let words = format!("{}, {}", named(cost.name, None, summary.value(cost)), named(error.name, error.lag, y));
+            let (x, half_x) = value_and_half(table, index, cost);
+            let y = summary.value(error);
+            let words = format!("{}, {}", named(cost.name, None, x), named(error.name, error.lag, y));
             Point {
                 label: table.label(&summary.key),
                 group: if table.variants.len() > 1 { summary.key.variant.clone() } else { table.label(&summary.key) },
                 x,
                 y,
-                half: [half(summary, cost) / scale, half(summary, error)],
+                half: [half_x, half(summary, error)],
                 marker: match summary.key.variant.as_str() {
                     "auto" if table.variants.len() > 1 => Marker::Auto,
                     "generic" if table.variants.len() > 1 => Marker::Generic,
@@ -273,37 +324,76 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
                     _ => Marker::Combination,
                 },
                 colour: palette.as_ref().map(|p| p.colour(summary)),
-                front: front.contains(&index),
+                front: front.contains(index),
                 hint: hint(table, index, [x, y], &words),
             }
         })
         .collect();
     let x_title = match (cost, base) {
-        (SHADING, Some(base)) => format!(
+        (SHADING, _) => format!(
             "shading time, ratio to {}{} (logarithmic scale)",
-            table.label(&table.summaries[base].key),
+            base.map_or_else(|| "a choice that is missing".to_owned(), |base| table.label(&table.summaries[base].key)),
             if run.is_software() { ", software adapter" } else { "" }
         ),
         _ => format!("{} (logarithmic scale)", cost.words),
     };
+    let signal = table.shown.name();
     let y_title = match error {
-        RMSE => "RMSE against the reference (linear albedo)".to_owned(),
-        FLIP => "FLIP against the reference (0 to 1)".to_owned(),
-        _ => "flicker (luminance, k = 1)".to_owned(),
+        RMSE => format!("RMSE against the reference ({signal}, linear)"),
+        FLIP => format!("FLIP against the reference ({signal}, 0 to 1)"),
+        _ => format!("added change ({signal}, luminance, k = 1)"),
     };
     let title = format!("{} over {}, a point per choice", error.words, cost.words);
     let legend = match &palette {
         None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
         None => String::new(),
         Some(palette) => format!(
-            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: no other choice is both cheaper and better than a choice on this line.</span> {}\
+            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front</span> {}\
              A label with a number in brackets stands for that number of points close together. A grey or black point covers a point of another colour.",
             palette.legend(rows.iter().map(|&i| &table.summaries[i]).filter(|s| s.value(cost) > 0.0 && s.value(error).is_finite())),
             if table.variants.len() > 1 { "Large dots: one flavour; small: several; largest: auto; ring: generic. " } else { "" }
         ),
     };
-    Ok(plots::pareto(&points, &title, &x_title, &y_title)?
-        .map(|svg| html::figure(Some(svg), &format!("{legend} Point at a mark to see its row; click it to go to the row."))))
+    let rule = front_rule(table, rows, error);
+    let left_out = if cost == SHADING { left_out_of_front(table, rows) } else { String::new() };
+    Ok(plots::pareto(&points, &title, &x_title, &y_title)?.map(|svg| {
+        html::figure(Some(svg), &format!("{legend} {rule}{left_out} Point at a mark to see its row; click it to go to the row."))
+    }))
+}
+
+/// Says when a choice is on the front.
+fn front_rule(table: &Table, rows: &[usize], error: Metric) -> String {
+    if rows.iter().any(|&i| table.summaries[i].error(error).is_some()) {
+        format!(
+            "A choice is on the line if its {} is smaller than that of every cheaper choice on the line by more than chance explains ({:.0} % for all \
+             choices together). In the table, brackets mark choices that are as good as one on the line, within chance.",
+            error.words,
+            100.0 * LEVEL
+        )
+    } else {
+        format!(
+            "No other choice is both cheaper and better than a choice on the line. The standard errors of {} are not known, so the values are compared \
+             as they are.",
+            error.words
+        )
+    }
+}
+
+/// Returns a note about the choices whose shading time is drawn, but takes no part in the front; empty if there are none.
+fn left_out_of_front(table: &Table, rows: &[usize]) -> String {
+    let (unstable, timed) = table.unstable(rows);
+    let apart = rows.iter().filter_map(|&i| table.shading(i)).filter(|shading| !shading.is_interleaved).count();
+    let mut note = String::new();
+    if unstable > 0 {
+        note += &format!(" {unstable} of {timed} times are unstable (95 % interval wider than \u{b1} 5 %) and take no part in the front.");
+    }
+    if apart > 0 {
+        note += &format!(
+            " {apart} times of other values of {} were not interleaved with these, and take no part in it.",
+            escape(&table.parameter)
+        );
+    }
+    note
 }
 
 /// Groups summaries that differ only in the quantity on the horizontal axis, as decided by `same`. Each group becomes one curve. Summaries keep the
@@ -351,9 +441,10 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         Some(_) => setting.parse().unwrap_or(f64::NAN),
         None => table.settings.iter().position(|s| s == setting).map_or(f64::NAN, |i| i as f64),
     };
-    let metrics: Vec<Metric> = [FLIPS, CLUMPING, FLICKER, table.error, table.cost, SHADING].into_iter().filter(|m| table.has(*m)).collect();
+    let metrics: Vec<Metric> =
+        [ADDED, LOST, PERCEIVED, FLIPS, CLUMPING, table.error, table.cost, SHADING].into_iter().filter(|m| table.has(*m)).collect();
     let after = query(&[
-        "whole[whole.frequency == 0].pivot_table([\"value\", \"standard_error\"], [k for k in key if k != \"setting\"] + [\"metric\", \"lag\"], \"setting\")",
+        "whole[whole.frequency == 0].pivot_table([\"value\", \"standard_error\"], [k for k in key if k != \"setting\"] + [\"metric\", \"signal\", \"lag\"], \"setting\")",
     ]);
     let heading = format!("Over the values of {}", escape(&table.parameter));
     per_view(table, "parameter", &heading, &after, |view| {
@@ -364,8 +455,6 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         let (curves, all) = kept(table, curves_of(table, &table.of_view(view), same));
         let mut html = String::new();
         for metric in &metrics {
-            let base = columns::shading_base(table, view).map(|i| table.summaries[i].value(SHADING));
-            let scale = if *metric == SHADING { base.unwrap_or(f64::NAN) } else { 1.0 };
             let drawn: Vec<Curve> = curves
                 .iter()
                 .enumerate()
@@ -374,9 +463,10 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
                         .iter()
                         .map(|&row| {
                             let summary = &table.summaries[row];
-                            let (x, y) = (at(&summary.key.setting), summary.value(*metric) / scale);
-                            let words = named(metric.name, metric.lag, summary.value(*metric));
-                            CurvePoint { x, y, half: half(summary, *metric) / scale, hint: hint(table, row, [x, y], &words) }
+                            let x = at(&summary.key.setting);
+                            let (y, half) = value_and_half(table, row, *metric);
+                            let words = named(metric.name, metric.lag, y);
+                            CurvePoint { x, y, half, hint: hint(table, row, [x, y], &words) }
                         })
                         .collect();
                     points.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -385,7 +475,7 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
                 .collect();
             let y_title = match *metric {
                 SHADING => {
-                    format!("shading time, ratio to {}", table.label(&table.summaries[columns::shading_base(table, view).unwrap_or(0)].key))
+                    format!("shading time, ratio to {}", table.label(&table.summaries[table.shading_base(view).unwrap_or(0)].key))
                 }
                 m if m.lag.is_some() => format!("{} (k = 1)", m.words),
                 CLUMPING => "clumping (white = 1)".to_owned(),
@@ -408,9 +498,14 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         // The name of a curve contains the values of the columns that vary, except the varied parameter, which is on the horizontal axis.
         let name = |curve: &Vec<usize>| curve_name(table, curve[0], |key| key.setting.clear());
         let keys: String = curves.iter().enumerate().map(|(i, c)| html::key(colour(i, curves.len(), false), &name(c))).collect();
+        let times = if table.has(SHADING) {
+            " Times of different values are measured one after the other, so their differences contain a drift of the machine."
+        } else {
+            ""
+        };
         let software = if run.is_software() && table.has(SHADING) { " Software adapter: only ratios of times are meaningful." } else { "" };
         Ok(Some(format!(
-            "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Fewer flips often come with more clumping: read both numbers together.{software}</p>\n",
+            "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Fewer flips often come with more clumping: read both numbers together.{times}{software}</p>\n",
             left_out(curves.len(), all)
         )))
     })
@@ -514,30 +609,29 @@ fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> Cl
 
 fn lags(table: &Table) -> Result<String> {
     let after = query(&[
-        "lags = whole[whole.metric.isin([\"flip_rate\", \"flicker\"])]",
+        &format!("lags = whole[{} & whole.metric.isin([\"{}\", \"{}\", \"{}\"])]", shown(table), FLIPS.name, ADDED.name, LOST.name),
         "lags.pivot_table([\"value\", \"standard_error\"], [\"metric\"] + key, \"lag\")",
     ]);
-    per_view(table, "lags", "Flips and flicker over k frames", &after, |view| {
+    per_view(table, "lags", "Flips, added and lost change over k frames", &after, |view| {
         let mut html = String::new();
         for close_up in close_ups(table, view) {
             let CloseUp { name: variant, choices, all, .. } = &close_up;
             let mut plots_of_variant = String::new();
-            for (metric, words) in [(FLIPS, "flip rate"), (FLICKER, "flicker")] {
+            for metric in [FLIPS, ADDED, LOST] {
                 let curves: Vec<Curve> = choices
                     .iter()
                     .map(|&(row, colour)| {
-                        let points = table.summaries[row].over_lags(metric.name).map(|(lag, found)| {
+                        let points = table.summaries[row].over_lags(metric).map(|(lag, found)| {
                             let (x, y) = (f64::from(lag), found.value);
-                            let half = found.standard_error.filter(|e| e.is_finite()).map_or(0.0, |e| CONFIDENCE_95 * e);
-                            CurvePoint { x, y, half, hint: hint(table, row, [x, y], &named(metric.name, Some(lag), y)) }
+                            CurvePoint { x, y, half: half_of(found), hint: hint(table, row, [x, y], &named(metric.name, Some(lag), y)) }
                         });
                         Curve { colour, points: points.collect() }
                     })
                     .collect();
                 let plot = Lines {
-                    title: &format!("{words} over k, {variant}"),
+                    title: &format!("{} over k, {variant}", metric.words),
                     x_title: "k, number of frames between the two compared frames",
-                    y_title: words,
+                    y_title: metric.words,
                     x_whole: true,
                     ..Lines::default()
                 };
@@ -576,9 +670,8 @@ fn spectra(table: &Table) -> Result<String> {
                 .map(|&(row, colour)| {
                     let points = table.summaries[row].spectrum.iter().map(|(frequency, found)| {
                         let (x, y) = (*frequency, found.value);
-                        let half = found.standard_error.filter(|e| e.is_finite()).map_or(0.0, |e| CONFIDENCE_95 * e);
                         let words = format!("power at {x} cycles per pixel = {y}");
-                        CurvePoint { x, y, half, hint: hint(table, row, [x, y], &words) }
+                        CurvePoint { x, y, half: half_of(found), hint: hint(table, row, [x, y], &words) }
                     });
                     Curve { colour, points: points.collect() }
                 })
@@ -613,7 +706,9 @@ fn passes(run: &RunData, table: &Table) -> Result<String> {
             .iter()
             .take(BARS)
             .map(|&i| {
-                (table.label(&table.summaries[i].key), table.summaries[i].times().map(|(pass, n)| (pass.to_owned(), n.value)).collect())
+                let word = if table.shading(i).is_some_and(|shading| shading.is_unstable()) { " (unstable)" } else { "" };
+                let label = table.label(&table.summaries[i].key) + word;
+                (label, table.summaries[i].times().map(|(pass, n)| (pass.to_owned(), n.value)).collect())
             })
             .collect();
         if rows.is_empty() {
@@ -635,21 +730,24 @@ fn choices(run: &RunData, table: &Table) -> String {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);
     let fronts = columns::fronts(table);
+    let units: Vec<String> = shown.iter().map(|column| column.unit(table)).collect();
     let attributes = |column: &Column| match column.source {
         Source::Row(m) | Source::WithError(m) => {
+            let signal = table.summaries.first().map_or("", |summary| summary.signal(m));
             let lag = m.lag.map_or_else(String::new, |k| format!(" data-lag=\"{k}\""));
-            format!(
-                " data-metric=\"{}\"{lag} title=\"{}\"",
-                m.name,
-                escape(&m.lag.map_or_else(|| m.name.to_owned(), |k| format!("{}, lag {k}", m.name)))
-            )
+            let words = [signal.to_owned(), m.lag.map_or_else(String::new, |k| format!("lag {k}"))];
+            let words: String = words.iter().filter(|word| !word.is_empty()).map(|word| format!(", {word}")).collect();
+            format!(" data-metric=\"{}\" data-signal=\"{signal}\"{lag} title=\"{}{words}\"", m.name, m.name)
         }
         Source::Promised => " title=\"sum over the variant's flavours\"".to_owned(),
-        Source::ShadingRatio => " title=\"gpu_ms:shading, divided by that of the view's first timed row\"".to_owned(),
+        Source::ShadingRatio => {
+            format!(" data-metric=\"{}\" title=\"gpu_ms:shading, divided by that of the view's first timed row\"", SHADING.name)
+        }
     };
     let mut html =
         "<section id=\"choices\"><h2>All choices</h2>\n<p>Click a heading to sort. The column Front shows on which \
-         Pareto front of its view a row lies: cost against error, cost against flicker, or both. Such a row also has a mark on the left.</p>\n"
+         Pareto fronts of its view a row lies: cost against error, cost against added change. Such a row also has a mark on the left. A name in brackets \
+         means that the row is not on that front, but as good as a row that is, within chance.</p>\n"
             .to_owned();
     if table.summaries.len() > 12 {
         html += "<p><label>Show rows with <input class=\"filter\" type=\"search\" placeholder=\"near-cliff hashed\"></label> <span class=\"count\"></span></p>\n";
@@ -659,17 +757,17 @@ fn choices(run: &RunData, table: &Table) -> String {
         keys.iter()
             .map(|(name, _)| (*name, "", false, String::new()))
             .chain([("Front", "", false, String::new())])
-            .chain(shown.iter().map(|c| (c.heading, c.unit, true, attributes(c)))),
+            .chain(shown.iter().zip(&units).map(|(c, unit)| (c.heading, unit.as_str(), true, attributes(c)))),
     );
     html += "<tbody>\n";
     let forced = table.summaries.iter().any(|s| s.key.flavours().is_some());
     let mut reasons: Vec<(&str, String)> = Vec::new();
     for (index, summary) in table.summaries.iter().enumerate() {
-        let class = match (forced && summary.key.flavours().is_none(), fronts[index].name()) {
-            (false, "") => "",
-            (false, _) => " class=\"front\"",
-            (true, "") => " class=\"chosen\"",
-            (true, _) => " class=\"chosen front\"",
+        let class = match (forced && summary.key.flavours().is_none(), fronts[index].is_on()) {
+            (false, false) => "",
+            (false, true) => " class=\"front\"",
+            (true, false) => " class=\"chosen\"",
+            (true, true) => " class=\"chosen front\"",
         };
         let data: String = summary.key.columns().iter().map(|(name, value)| format!(" data-{name}=\"{}\"", escape(value))).collect();
         html += &format!("<tr id=\"{}\"{class}{data} title=\"{}\">", anchor(index), escape(&summary.key.words()));
@@ -699,7 +797,7 @@ fn choices(run: &RunData, table: &Table) -> String {
     if !dropped.is_empty() {
         html += &format!("<p class=\"legend\">Columns without any number: {}.</p>\n", dropped.join(", "));
     }
-    html += &query(&["whole[whole.frequency == 0].pivot_table(\"value\", key, [\"metric\", \"lag\"])"]);
+    html += &query(&["whole[whole.frequency == 0].pivot_table(\"value\", key, [\"metric\", \"signal\", \"lag\"])"]);
     html + "</section>\n"
 }
 
@@ -709,11 +807,20 @@ fn references(table: &Table) -> String {
     }
     let with_setting = table.references.iter().any(|r| !r.setting.is_empty());
     let setting = if with_setting { "<th>Setting</th>" } else { "" };
+    let resolves: BTreeSet<&String> = table.references.iter().flat_map(|r| r.differences.keys()).collect();
+    let differences: String = resolves
+        .iter()
+        .map(|resolve| {
+            let of = if resolve.is_empty() { String::new() } else { format!(", {resolve}") };
+            format!("<th class=\"n\">Difference, k = 1{}</th>", escape(&of))
+        })
+        .collect();
     let mut html = format!(
         "<section id=\"references\"><h2>References</h2>\n<p>Errors are measured against the supersampled 96-fetch blend. Its standard error must be \
-         at most a tenth of the smallest RMSE measured against it.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}\
-         <th class=\"n\">Samples per pixel</th>\
-         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Difference, k = 1</th></tr></thead><tbody>\n"
+         at most a tenth of the smallest RMSE measured against it. The differences are those of the reference sequence: luminance of surface points, \
+         between consecutive frames. With a temporal resolve, the reference sequence passes through the same resolve.</p>\n\
+         <table class=\"narrow\"><thead><tr><th>View</th>{setting}<th>Signal</th><th class=\"n\">Samples per pixel</th>\
+         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th>{differences}</tr></thead><tbody>\n"
     );
     for facts in &table.references {
         let (class, word) = match facts.suffices() {
@@ -724,14 +831,16 @@ fn references(table: &Table) -> String {
         };
         let setting = if with_setting { format!("<td>{}</td>", escape(&facts.setting)) } else { String::new() };
         let value = |value: f64, why: &str| html::cell(value, &number(value), if value.is_nan() { why } else { "" });
+        let difference = |resolve: &&String| facts.differences.get(*resolve).copied().unwrap_or(f64::NAN);
+        let differences: String = resolves.iter().map(|resolve| value(difference(resolve), "no row reference_difference")).collect();
         html += &format!(
-            "<tr><td>{}</td>{setting}{}{}{}{}<td class=\"{class}\">{word}</td>{}</tr>\n",
+            "<tr><td>{}</td>{setting}<td>{}</td>{}{}{}{}<td class=\"{class}\">{word}</td>{differences}</tr>\n",
             escape(&facts.view),
+            facts.signal.name(),
             value(facts.spp, "no row reference_spp"),
             value(facts.standard_error, "no row reference_se"),
             value(facts.smallest_rmse, "no row rmse"),
             value(facts.standard_error / facts.smallest_rmse, "one of the two is missing"),
-            value(facts.difference, "no row reference_difference"),
         );
     }
     html += "</tbody></table>\n";
@@ -745,10 +854,10 @@ fn provenance(table: &Table) -> String {
         let conditions = s.key.columns().into_iter().filter(|(name, value)| !value.is_empty() && *name != "experiment");
         let conditions: String =
             conditions.map(|(name, value)| format!("(m[\"{name}\"] == \"{}\") & ", value.replace('"', "\\\""))).collect();
-        format!("m[{conditions}(m.metric == \"{}\")]", error.name)
+        format!("m[{conditions}(m.signal == \"{}\") & (m.metric == \"{}\")]", s.signal(error), error.name)
     });
     let code = format!(
-        "import pandas as pd\nm = pd.read_parquet(\"metrics.parquet\")   # or pd.read_csv(\"metrics.csv\", keep_default_na=False, na_values={{\"frame\": \"\", \"lag\": \"\", \"frequency\": \"\", \"standard_error\": \"\"}})\n{example}"
+        "import pandas as pd\nm = pd.read_parquet(\"metrics.parquet\")   # or pd.read_csv(\"metrics.csv\", keep_default_na=False, na_values={{\"frame\": \"\", \"lag\": \"\", \"frequency\": \"\", \"standard_error\": \"\", \"freedom\": \"\"}})\n{example}"
     );
     let averaged = if table.averaged > 0 {
         format!(" {} numbers have no row over all frames; their values are means over the frames, computed by this report.", table.averaged)
@@ -760,7 +869,7 @@ fn provenance(table: &Table) -> String {
         "<section id=\"numbers\"><h2>Where each number is</h2>\n<p>Every number on this page is the value of a row of <code>metrics.parquet</code> \
          (<code>metrics.csv</code> has the same rows) or of <code>times.csv</code>, or a ratio of two values. A row of the table above contains the \
          columns of these rows as attributes (<code>data-view</code>, <code>data-variant</code>, ...) and in its tooltip. A heading contains the \
-         name and the lag of its metric, and a cell contains the unrounded value (<code>data-v</code>). The tooltip of a mark in a plot names its row, \
+         name, the signal and the lag of its metric, and a cell contains the unrounded value (<code>data-v</code>). The tooltip of a mark in a plot names its row, \
          and a click on the mark leads to the row.{averaged} Metrics of this run: {metrics}.</p>\n\
          <p>This code selects all rows of one number, including those of single frames:</p><pre><code>{}</code></pre></section>\n",
         escape(&code)

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 
+use super::checks::{Check, Mark};
 use super::html;
 use super::numbers::number;
 use super::plots::{COLOURS, Curve, CurvePoint, Lines, lines};
@@ -390,9 +391,9 @@ pub(crate) fn text(lab: &Lab<'_>, facts: &[(&str, String)]) -> String {
 /// A plot cannot be drawn.
 pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     let answer = "How accurate the arithmetic is: kernels against references in f64; stored directions, derivatives and noise against derived values";
-    let checks: Vec<(bool, String)> =
-        lab.summary().into_iter().map(|(what, count, passed)| (passed == count, format!("{passed} of {count} {what} hold"))).collect();
-    let mut body = html::header("stability lab", answer) + &html::verdict("", &checks) + &html::facts(facts);
+    let check = |(what, count, passed): (&str, usize, usize)| (Mark::of(passed == count), format!("{passed} of {count} {what} hold"));
+    let checks: Vec<Check> = lab.summary().into_iter().map(check).collect();
+    let mut body = html::header("stability lab", answer) + &html::verdict("", &checks, &[]) + &html::facts(facts);
     for table in lab.tables() {
         body += &table.html();
     }

@@ -2,12 +2,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use kernels::shared::signal::Signal;
 use kernels::variant::Variant;
 
 use super::RunData;
-use super::numbers::pareto_front;
-use crate::metrics::{self, timed_pass};
+use super::numbers::{Estimate, Front, Place, half_width, number, pareto_front, significant, with_interval};
+use crate::definition::Definition;
+use crate::metrics::{self, Needs, timed_pass};
+use crate::rounds;
 use crate::row::Row;
+
+/// Limit of the number of rows or choices that a check names.
+pub(super) const NAMED: usize = 3;
 
 /// The columns that identify a choice.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,6 +79,17 @@ impl Key {
     }
 }
 
+/// The signal of a metric: which rows a report uses, by their column `signal`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Of {
+    /// The metric has no signal; the column is empty.
+    Nothing,
+    /// Always the same signal.
+    Given(Signal),
+    /// The signal that the report ranks and shows: the lit picture if the run measures it, else albedo.
+    Shown,
+}
+
 /// A metric whose value a summary contains. If the metric compares frames, its lag is part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Metric {
@@ -80,35 +97,60 @@ pub(super) struct Metric {
     pub(super) name: &'static str,
     /// The value of the column `lag`.
     pub(super) lag: Option<u32>,
+    /// The signal.
+    pub(super) of: Of,
     /// The name of the metric in sentences.
     pub(super) words: &'static str,
 }
 
 /// Returns a metric that has no lag.
-const fn still(name: &'static str, words: &'static str) -> Metric {
-    Metric { name, lag: None, words }
+const fn still(name: &'static str, of: Of, words: &'static str) -> Metric {
+    Metric { name, lag: None, of, words }
 }
 
 /// Returns a metric that compares each frame with the previous one.
-const fn moving(name: &'static str, words: &'static str) -> Metric {
-    Metric { name, lag: Some(1), words }
+const fn moving(name: &'static str, of: Of, words: &'static str) -> Metric {
+    Metric { name, lag: Some(1), of, words }
 }
 
-pub(super) const FETCHES: Metric = still(metrics::FETCHES_PER_PX, "fetches per pixel");
-pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "promised fetches per pixel of the tiles' variants");
-pub(super) const SHADING: Metric = still(metrics::SHADING_TIME, "shading time");
-pub(super) const BIAS: Metric = still(metrics::BIAS, metrics::BIAS);
-pub(super) const VARIANCE: Metric = still(metrics::VARIANCE, metrics::VARIANCE);
-pub(super) const THEORY: Metric = still(metrics::VARIANCE_THEORY, "variance predicted");
-pub(super) const RMSE: Metric = still(metrics::RMSE, "RMSE");
-pub(super) const FLIP: Metric = still(metrics::FLIP, "FLIP");
-pub(super) const PSNR: Metric = still(metrics::PSNR, "PSNR");
-pub(super) const SSIM: Metric = still(metrics::SSIM, "SSIM");
-pub(super) const FLIPS: Metric = moving(metrics::FLIP_RATE, "flip rate");
-pub(super) const FLICKER: Metric = moving(metrics::FLICKER, metrics::FLICKER);
-pub(super) const FLICKER_P95: Metric = moving(metrics::FLICKER_P95, "flicker p95");
-pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, metrics::CLUMPING);
-pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, "history rejected");
+const ALBEDO: Of = Of::Given(Signal::Albedo);
+
+pub(super) const FETCHES: Metric = still(metrics::FETCHES_PER_PX, Of::Nothing, "fetches per pixel");
+pub(super) const TILE_FETCHES: Metric =
+    still(metrics::TILE_FETCHES_PER_PX, Of::Nothing, "promised fetches per pixel of the tiles' variants");
+pub(super) const SHADING: Metric = still(metrics::SHADING_RATIO, Of::Nothing, "shading time");
+const SHADING_MS: Metric = still(metrics::SHADING_TIME, Of::Nothing, "shading time");
+pub(super) const BIAS: Metric = still(metrics::BIAS, ALBEDO, metrics::BIAS);
+pub(super) const BIAS_P: Metric = still(metrics::BIAS_SQUARED_P, ALBEDO, "probability of biases that cancel");
+pub(super) const VARIANCE: Metric = still(metrics::VARIANCE, ALBEDO, metrics::VARIANCE);
+pub(super) const EXACT_MSE: Metric = still(metrics::EXACT_MSE, ALBEDO, "mean squared difference from the exact blend");
+pub(super) const THEORY: Metric = still(metrics::VARIANCE_THEORY, ALBEDO, "variance predicted");
+pub(super) const RMSE: Metric = still(metrics::RMSE, Of::Shown, "RMSE");
+pub(super) const FLIP: Metric = still(metrics::FLIP, Of::Shown, "FLIP");
+pub(super) const PSNR: Metric = still(metrics::PSNR, Of::Shown, "PSNR");
+pub(super) const SSIM: Metric = still(metrics::SSIM, Of::Shown, "SSIM");
+pub(super) const FLIPS: Metric = moving(metrics::FLIP_RATE, Of::Nothing, "flip rate");
+pub(super) const ADDED: Metric = moving(metrics::ADDED, Of::Shown, "added change");
+pub(super) const LOST: Metric = moving(metrics::LOST, Of::Shown, "lost change");
+pub(super) const RESIDUAL: Metric = moving(metrics::RESIDUAL, Of::Shown, "residual flicker");
+pub(super) const RESIDUAL_P95: Metric = moving(metrics::RESIDUAL_P95, Of::Shown, "residual flicker p95");
+pub(super) const PERCEIVED: Metric = still(metrics::PERCEIVED_NOISE, Of::Shown, "perceived noise");
+pub(super) const EXCESS: Metric = moving(metrics::EXCESS_DIFFERENCE, Of::Shown, "excess difference");
+pub(super) const INVALID: Metric = still(metrics::INVALID_PX, Of::Shown, "invalid pixels");
+pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, ALBEDO, metrics::CLUMPING);
+pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, Of::Shown, "history rejected");
+
+impl Metric {
+    /// Returns the same metric of a given signal, regardless of the signal that the report shows.
+    pub(super) fn of(self, signal: Signal) -> Metric {
+        Metric { of: Of::Given(signal), ..self }
+    }
+
+    /// Whether the values are counts of a deterministic program. They have no error, although they differ from frame to frame.
+    fn is_exact(self) -> bool {
+        self == FETCHES || self == TILE_FETCHES
+    }
+}
 
 /// The frames to which a number applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,29 +173,70 @@ pub(super) enum Frames {
 pub(super) struct Number {
     pub(super) value: f64,
     pub(super) standard_error: Option<f64>,
+    /// Degrees of freedom of the standard error, as its row gives them.
+    freedom: Option<f64>,
+    /// Degrees of freedom that the standard error should have by the definition of the run. They are used if the row does not give any.
+    implied_freedom: f64,
     pub(super) unit: String,
     /// The frames to which the number applies.
     pub(super) frames: Frames,
+}
+
+impl Number {
+    /// Returns the standard error, if it is known.
+    fn error(&self) -> Option<f64> {
+        self.standard_error.filter(|e| e.is_finite() && *e >= 0.0)
+    }
+
+    /// Returns the degrees of freedom of the standard error that its row gives.
+    fn recorded_freedom(&self) -> Option<f64> {
+        self.freedom.filter(|freedom| freedom.is_finite() && *freedom > 0.0)
+    }
+
+    /// Returns the degrees of freedom of the standard error, for intervals and comparisons.
+    fn any_freedom(&self) -> f64 {
+        self.recorded_freedom().unwrap_or(self.implied_freedom)
+    }
+
+    /// Returns the half-width of the 95 % confidence interval, if the standard error is known.
+    pub(super) fn half(&self) -> Option<f64> {
+        self.error().map(|error| half_width(error, self.any_freedom())).filter(|half| half.is_finite())
+    }
+}
+
+/// The columns that identify a number of a choice.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Name {
+    metric: String,
+    lag: Option<u32>,
+    signal: String,
 }
 
 /// The measurements of one choice.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Summary {
     pub(super) key: Key,
-    numbers: BTreeMap<(String, Option<u32>), Number>,
+    numbers: BTreeMap<Name, Number>,
     /// The power spectrum: frequencies (cycles per pixel), each with its power.
     pub(super) spectrum: Vec<(f64, Number)>,
+    /// The signal that the report shows.
+    shown: Signal,
 }
 
 impl Summary {
-    /// Returns the number of a metric; `None` if it has no row. The value may be NaN.
-    pub(super) fn number(&self, metric: Metric) -> Option<&Number> {
-        self.named(metric.name, metric.lag)
+    /// Returns the value of the column `signal` in the rows of a metric.
+    pub(super) fn signal(&self, metric: Metric) -> &'static str {
+        match metric.of {
+            Of::Nothing => "",
+            Of::Given(signal) => signal.name(),
+            Of::Shown => self.shown.name(),
+        }
     }
 
-    /// Returns the number with these values in the columns `metric` and `lag`.
-    pub(super) fn named(&self, metric: &str, lag: Option<u32>) -> Option<&Number> {
-        self.numbers.get(&(metric.to_owned(), lag))
+    /// Returns the number of a metric; `None` if it has no row. The value may be NaN.
+    pub(super) fn number(&self, metric: Metric) -> Option<&Number> {
+        let name = Name { metric: metric.name.to_owned(), lag: metric.lag, signal: self.signal(metric).to_owned() };
+        self.numbers.get(&name)
     }
 
     /// Returns the value of a metric; NaN if it has no row.
@@ -161,9 +244,25 @@ impl Summary {
         self.number(metric).map_or(f64::NAN, |n| n.value)
     }
 
-    /// Returns the standard error of a metric's value, if it is known.
+    /// Returns the standard error of a metric's value; `None` if it is not known, or if the value is exact.
     pub(super) fn error(&self, metric: Metric) -> Option<f64> {
-        self.number(metric).and_then(|n| n.standard_error).filter(|e| e.is_finite() && *e >= 0.0)
+        if metric.is_exact() { None } else { self.number(metric).and_then(Number::error) }
+    }
+
+    /// Returns the half-width of the 95 % confidence interval of a metric's value; `None` if it is not known, or if the value is exact.
+    pub(super) fn half(&self, metric: Metric) -> Option<f64> {
+        if metric.is_exact() { None } else { self.number(metric).and_then(Number::half) }
+    }
+
+    /// Returns the value of a metric with its standard error, for comparisons; NaN if it has no row.
+    pub(super) fn estimate(&self, metric: Metric) -> Estimate {
+        let freedom = self.number(metric).map_or(f64::INFINITY, Number::any_freedom);
+        Estimate { error: self.error(metric).unwrap_or(0.0), freedom, ..Estimate::exact(self.value(metric)) }
+    }
+
+    /// Returns the degrees of freedom of a metric's standard error, if its row gives them.
+    pub(super) fn freedom(&self, metric: Metric) -> Option<f64> {
+        self.number(metric).and_then(Number::recorded_freedom)
     }
 
     /// Whether the choice is stochastic. Deterministic choices have neither bias nor variance to report.
@@ -172,39 +271,43 @@ impl Summary {
     }
 
     /// Returns the lags for which a metric has numbers, in ascending order, each with its number.
-    pub(super) fn over_lags<'a>(&'a self, metric: &'a str) -> impl Iterator<Item = (u32, &'a Number)> {
-        self.numbers.iter().filter(move |((name, _), _)| name == metric).filter_map(|((_, lag), n)| Some(((*lag)?, n)))
+    pub(super) fn over_lags(&self, metric: Metric) -> impl Iterator<Item = (u32, &Number)> {
+        let signal = self.signal(metric);
+        let is_of_metric = move |name: &Name| name.metric == metric.name && name.signal == signal;
+        self.numbers.iter().filter(move |(name, _)| is_of_metric(name)).filter_map(|(name, n)| Some((name.lag?, n)))
     }
 
     /// Returns the names of timed passes, each with its device time.
     pub(super) fn times(&self) -> impl Iterator<Item = (&str, &Number)> {
-        self.numbers.iter().filter_map(|((name, _), n)| Some((timed_pass(name)?, n)))
+        self.numbers.iter().filter_map(|(name, n)| Some((timed_pass(&name.metric)?, n)))
     }
 
     /// Returns the names of all metrics.
     fn names(&self) -> impl Iterator<Item = &str> {
-        self.numbers.keys().map(|(name, _)| name.as_str())
+        self.numbers.keys().map(|name| name.metric.as_str())
     }
 }
 
 /// A function that reads one column of a summary's key.
 pub(super) type KeyOf = fn(&Summary) -> &str;
 
-/// Facts about the reference with which the pictures of a view are compared.
+/// Facts about the reference with which the pictures of a view are compared, for one signal.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReferenceFacts {
     pub(super) view: String,
     /// Value of the varied parameter; empty = the reference applies to all values.
     pub(super) setting: String,
+    /// The signal.
+    pub(super) signal: Signal,
     /// Samples per pixel.
     pub(super) spp: f64,
-    /// Standard error of the reference, in linear albedo.
+    /// Standard error of the reference, in the unit of the RMSE.
     pub(super) standard_error: f64,
     /// The smallest RMSE of the choices that are compared with the reference; NaN = none was measured.
     pub(super) smallest_rmse: f64,
-    /// Mean difference in luminance between consecutive frames of the reference sequence. The flicker of a choice is the same difference in its own
-    /// sequence, minus this value. NaN = not measured.
-    pub(super) difference: f64,
+    /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
+    /// passes through the same resolve.
+    pub(super) differences: BTreeMap<String, f64>,
 }
 
 impl ReferenceFacts {
@@ -212,6 +315,51 @@ impl ReferenceFacts {
     /// with it. If no such RMSE was measured, it is enough that the standard error is known.
     pub(super) fn suffices(&self) -> bool {
         self.standard_error <= 0.1 * self.smallest_rmse || (self.smallest_rmse.is_nan() && self.standard_error.is_finite())
+    }
+}
+
+/// The shading time of a choice, divided by that of the base of its view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shading {
+    pub(super) ratio: f64,
+    /// Standard error of the ratio; `None` = unknown.
+    pub(super) error: Option<f64>,
+    /// Whether both times were measured in the same rounds. Times of different values of the varied parameter were not.
+    pub(super) is_interleaved: bool,
+}
+
+impl Shading {
+    /// Whether the ratio may take part in fronts and sentences.
+    pub(super) fn is_stable(&self) -> bool {
+        rounds::is_stable(self.ratio, self.error)
+    }
+
+    /// Whether the ratio was measured in the same rounds, but is not known well enough for fronts and sentences.
+    pub(super) fn is_unstable(&self) -> bool {
+        self.is_interleaved && !self.is_stable()
+    }
+
+    /// Returns the ratio for fronts and sentences; `None` if it is not stable, so that it takes no part in them.
+    pub(super) fn estimate(&self) -> Option<Estimate> {
+        let error = self.error.filter(|_| self.is_stable())?;
+        Some(Estimate { error, ..Estimate::exact(self.ratio) })
+    }
+
+    /// Returns the half-width of the 95 % interval; 0 = unknown.
+    pub(super) fn half_width(&self) -> f64 {
+        self.error.map_or(0.0, |error| rounds::NORMAL_95 * error)
+    }
+
+    /// Returns the text of a table cell: the ratio with its interval, or why it takes no part in fronts and sentences.
+    pub(super) fn shown(&self) -> String {
+        let (ratio, half) = (significant(self.ratio), self.half_width());
+        match self.error {
+            _ if !self.is_interleaved => format!("{ratio}, not interleaved"),
+            None => format!("{ratio}, unstable (no interval)"),
+            Some(_) if !self.is_stable() => format!("{ratio}, unstable (\u{b1} {} %)", number(100.0 * half / self.ratio)),
+            Some(_) if half > 0.0 => with_interval(self.ratio, Some(half)),
+            Some(_) => ratio,
+        }
     }
 }
 
@@ -233,6 +381,14 @@ pub(super) struct Table {
     pub(super) doubles: usize,
     /// Number of values that are means over frames, computed by the report.
     pub(super) averaged: usize,
+    /// Number of rows whose value is NaN, and copies of the first few. They are left out of every mean, plot and comparison.
+    pub(super) without_number: (usize, Vec<Row>),
+    /// The signals that the run measures.
+    pub(super) signals: Vec<Signal>,
+    /// The signal that the report ranks and shows.
+    pub(super) shown: Signal,
+    /// Number of frames that are shown per second. The metric `perceived_noise` depends on it.
+    pub(super) frames_per_second: f64,
     /// The metric that is used as the cost of a choice.
     pub(super) cost: Metric,
     /// The metric that is used as the error of a choice.
@@ -266,32 +422,67 @@ impl Slot {
         }
         let value = if finite > 0 { sum / finite as f64 } else { f64::NAN };
         // Consecutive frames are correlated, so the standard error of the mean cannot be computed from the scatter of their values.
-        Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames.len() }, ..single })
+        Some(Number { value, standard_error: None, freedom: None, frames: Frames::Mean { finite, rows: frames.len() }, ..single })
     }
 }
 
-type Slots = BTreeMap<(String, Option<u32>, Option<u64>), Slot>;
+/// The rows of one choice, by name and by the bits of the frequency. Frequencies are not negative, so their bits have the same order as their values.
+type Slots = BTreeMap<(Name, Option<u64>), Slot>;
 
 /// Whether a row describes the reference and not a choice.
 fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
+/// Returns the degrees of freedom of the standard error of a metric, if its row does not give them: one less than the number of values from whose
+/// scatter the runner computes it.
+fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
+    let frames = definition.frames;
+    let values = match metrics::find(metric).map(|metric| metric.needs) {
+        // The standard error of a band of a spectrum is derived from theory.
+        _ if metric == metrics::POWER => return f64::INFINITY,
+        _ if metric == metrics::PERCEIVED_NOISE => metrics::seen_frames(frames),
+        Some(Needs::Seeds) => definition.seeds,
+        // The standard error of a time is derived from the interval of its median, as if it were certain.
+        Some(Needs::Clock) => return f64::INFINITY,
+        _ => {
+            let compared = frames.saturating_sub(lag.unwrap_or(0));
+            if metrics::RESIDUALS.contains(&metric) { compared.min(metrics::GROUPS) } else { compared }
+        }
+    };
+    // A standard error needs at least two values.
+    f64::from(values.max(2) - 1)
+}
+
 impl Table {
     /// Summarises all rows of a run.
     pub(super) fn of(run: &RunData) -> Table {
         let mut slots: BTreeMap<Key, Slots> = BTreeMap::new();
-        let mut about_reference: BTreeMap<(String, String), Slots> = BTreeMap::new();
+        // Rows about a reference, by view, setting and temporal resolve.
+        let mut about_reference: BTreeMap<(String, String), BTreeMap<String, Slots>> = BTreeMap::new();
         let mut doubles = 0;
+        let mut without_number = (0, Vec::new());
         for row in run.rows.iter().chain(&run.times) {
+            if row.value.is_nan() {
+                without_number.0 += 1;
+                without_number.1.extend((without_number.0 <= NAMED).then(|| row.clone()));
+            }
             let slots = if is_of_reference(row) {
-                about_reference.entry((row.view.clone(), row.setting.clone())).or_default()
+                let resolves = about_reference.entry((row.view.clone(), row.setting.clone())).or_default();
+                resolves.entry(row.temporal.clone()).or_default()
             } else {
                 slots.entry(Key::of(row)).or_default()
             };
-            // Frequencies are not negative, so their bits have the same order as their values.
-            let slot = slots.entry((row.metric.clone(), row.lag, row.frequency.map(f64::to_bits))).or_default();
-            let number = |frames| Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames };
+            let name = Name { metric: row.metric.clone(), lag: row.lag, signal: row.signal.clone() };
+            let slot = slots.entry((name, row.frequency.map(f64::to_bits))).or_default();
+            let number = |frames| Number {
+                value: row.value,
+                standard_error: row.standard_error,
+                freedom: row.freedom,
+                implied_freedom: implied_freedom(&run.definition, &row.metric, row.lag),
+                unit: row.unit.clone(),
+                frames,
+            };
             match row.frame {
                 Some(frame) => {
                     if !slot.frames.insert(frame) {
@@ -307,19 +498,22 @@ impl Table {
                 None => slot.whole = Some(number(Frames::All)),
             }
         }
+        let has = |signal: &Signal| run.rows.iter().any(|row| row.signal == signal.name());
+        let signals: Vec<Signal> = Signal::ALL.into_iter().filter(has).collect();
+        let shown = if signals.contains(&Signal::Lit) { Signal::Lit } else { Signal::Albedo };
         let mut averaged = 0;
         let mut summaries: Vec<Summary> = slots
             .into_iter()
             .map(|(key, slots)| {
-                let mut summary = Summary { key, numbers: BTreeMap::new(), spectrum: Vec::new() };
-                for ((metric, lag, frequency), slot) in slots {
+                let mut summary = Summary { key, numbers: BTreeMap::new(), spectrum: Vec::new(), shown };
+                for ((name, frequency), slot) in slots {
                     let Some(number) = slot.number() else { continue };
                     averaged += usize::from(matches!(number.frames, Frames::Mean { .. }));
                     match frequency {
-                        Some(bits) if metric == metrics::POWER => summary.spectrum.push((f64::from_bits(bits), number)),
+                        Some(bits) if name.metric == metrics::POWER => summary.spectrum.push((f64::from_bits(bits), number)),
                         Some(_) => {}
                         None => {
-                            summary.numbers.insert((metric, lag), number);
+                            summary.numbers.insert(name, number);
                         }
                     }
                 }
@@ -353,38 +547,60 @@ impl Table {
             parameter,
             doubles,
             averaged,
+            without_number,
+            signals,
+            shown,
+            frames_per_second: run.definition.viewing.frames_per_second,
             cost: if by_tile && measured(TILE_FETCHES) { TILE_FETCHES } else { FETCHES },
             error: if measured(RMSE) || !measured(FLIP) { RMSE } else { FLIP },
             summaries,
         };
-        table.references = about_reference.into_iter().map(|(place, slots)| table.facts(place, slots)).collect();
+        let mut references: Vec<ReferenceFacts> =
+            about_reference.into_iter().flat_map(|(place, resolves)| table.facts(&place, resolves)).collect();
         // A view without rows about its reference is listed, too, if a choice has an RMSE in this view.
-        for view in table.views.clone() {
-            if !table.references.iter().any(|r| r.view == view) {
-                let facts = table.facts((view, String::new()), Slots::new());
-                table.references.extend(facts.smallest_rmse.is_finite().then_some(facts));
+        for view in &table.views {
+            if !references.iter().any(|r| r.view == *view) {
+                let facts = table.facts(&(view.clone(), String::new()), BTreeMap::new());
+                references.extend(facts.into_iter().filter(|facts| facts.smallest_rmse.is_finite()));
             }
         }
         let order = |view: &String| table.views.iter().position(|v| v == view);
         let settings = |setting: &String| table.settings.iter().position(|s| s == setting);
-        let mut references = std::mem::take(&mut table.references);
-        references.sort_by_key(|r| (order(&r.view), settings(&r.setting)));
+        references.sort_by_key(|r| (order(&r.view), settings(&r.setting), r.signal as u8));
         table.references = references;
         table
     }
 
-    fn facts(&self, (view, setting): (String, String), mut slots: Slots) -> ReferenceFacts {
-        let mut value = |name: &str, lag| slots.remove(&(name.to_owned(), lag, None)).and_then(Slot::number).map_or(f64::NAN, |n| n.value);
-        let judged = self.summaries.iter().filter(|s| s.key.view == view && (setting.is_empty() || s.key.setting == setting));
-        let smallest_rmse = judged.map(|s| s.value(RMSE)).filter(|v| v.is_finite()).min_by(f64::total_cmp).unwrap_or(f64::NAN);
-        ReferenceFacts {
-            spp: value(metrics::REFERENCE_SPP, None),
-            standard_error: value(metrics::REFERENCE_SE, None),
-            difference: value(metrics::REFERENCE_DIFFERENCE, Some(1)),
-            smallest_rmse,
-            view,
-            setting,
-        }
+    /// Returns the facts about a reference, for each signal of the run. `resolves`: its rows by temporal resolve.
+    fn facts(&self, (view, setting): &(String, String), resolves: BTreeMap<String, Slots>) -> Vec<ReferenceFacts> {
+        let numbers: BTreeMap<String, BTreeMap<Name, f64>> = resolves
+            .into_iter()
+            .map(|(resolve, slots)| {
+                let values = slots.into_iter().filter(|((_, frequency), _)| frequency.is_none());
+                (resolve, values.filter_map(|((name, _), slot)| Some((name, slot.number()?.value))).collect())
+            })
+            .collect();
+        let of_signal = |signal: Signal| {
+            let value = |resolve: &str, metric: &str, lag: Option<u32>, signal: &str| {
+                let name = Name { metric: metric.to_owned(), lag, signal: signal.to_owned() };
+                numbers.get(resolve).and_then(|values| values.get(&name)).copied()
+            };
+            let own = |metric: &str, signal: &str| value("", metric, None, signal).unwrap_or(f64::NAN);
+            let difference =
+                |resolve: &String| Some((resolve.clone(), value(resolve, metrics::REFERENCE_DIFFERENCE, Some(1), signal.name())?));
+            let judged = self.summaries.iter().filter(|s| s.key.view == *view && (setting.is_empty() || s.key.setting == *setting));
+            let errors = judged.map(|s| s.value(RMSE.of(signal))).filter(|v| v.is_finite());
+            ReferenceFacts {
+                spp: own(metrics::REFERENCE_SPP, ""),
+                standard_error: own(metrics::REFERENCE_SE, signal.name()),
+                differences: numbers.keys().filter_map(difference).collect(),
+                smallest_rmse: errors.min_by(f64::total_cmp).unwrap_or(f64::NAN),
+                view: view.clone(),
+                setting: setting.clone(),
+                signal,
+            }
+        };
+        self.signals.iter().map(|&signal| of_signal(signal)).collect()
     }
 
     /// Returns the label of a choice: the values of those columns that vary. They distinguish the choices of a view.
@@ -401,20 +617,55 @@ impl Table {
         if varying.is_empty() { key.variant.clone() } else { varying.join(" \u{b7} ") }
     }
 
+    /// Returns the label of a choice, with its view if there are several.
+    pub(super) fn place(&self, key: &Key) -> String {
+        let view = if self.views.len() > 1 { format!(", {}", key.view) } else { String::new() };
+        self.label(key) + &view
+    }
+
     /// Returns the indices of the summaries of a view.
     pub(super) fn of_view(&self, view: &str) -> Vec<usize> {
         (0..self.summaries.len()).filter(|&i| self.summaries[i].key.view == view).collect()
     }
 
-    /// Returns the indices of the Pareto front among `rows`, by increasing cost. A summary is on the front if no other summary of `rows` dominates
-    /// it. A cost of 0 is treated as not measured.
-    pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Vec<usize> {
-        let place = |&i: &usize| {
-            let cost = self.summaries[i].value(cost);
-            (if cost > 0.0 { cost } else { f64::NAN }, self.summaries[i].value(error))
+    /// Returns the index of the choice by whose shading time those of its view are divided; `None` if the files do not contain it. It is the first
+    /// timed choice. Its own ratio is exactly 1, without an error.
+    pub(super) fn shading_base(&self, view: &str) -> Option<usize> {
+        self.of_view(view).into_iter().find(|&i| self.summaries[i].value(SHADING) > 0.0 && self.summaries[i].error(SHADING) == Some(0.0))
+    }
+
+    /// Returns the shading time of a choice, divided by that of the base of its view; `None` if there is no ratio. The ratios in the rows are those to
+    /// the first choice with the same value of the varied parameter, so the times themselves are divided if the values differ. No interval is known
+    /// for such a ratio, because the machine may have drifted in between.
+    pub(super) fn shading(&self, index: usize) -> Option<Shading> {
+        let summary = &self.summaries[index];
+        let own = Shading { ratio: summary.value(SHADING), error: summary.error(SHADING), is_interleaved: true };
+        let base = self.shading_base(&summary.key.view).map(|i| &self.summaries[i]);
+        let shading = match base {
+            Some(base) if base.key.setting != summary.key.setting => {
+                let ratio = summary.value(SHADING_MS) / base.value(SHADING_MS);
+                Shading { ratio, error: None, is_interleaved: false }
+            }
+            _ => own,
         };
-        let places: Vec<(f64, f64)> = rows.iter().map(place).collect();
-        pareto_front(&places).into_iter().map(|i| rows[i]).collect()
+        (own.ratio > 0.0 && shading.ratio > 0.0 && shading.ratio.is_finite()).then_some(shading)
+    }
+
+    /// Returns the Pareto front among `rows` ([`pareto_front`]), as indices of summaries. A cost of 0 is treated as not measured, and so is a shading time
+    /// that is not stable.
+    pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Front {
+        let place = |&i: &usize| {
+            let summary = &self.summaries[i];
+            let cost = match cost {
+                SHADING => self.shading(i).and_then(|shading| shading.estimate()),
+                _ => Some(summary.estimate(cost)).filter(|cost| cost.value > 0.0),
+            };
+            Place { cost: cost.unwrap_or(Estimate::exact(f64::NAN)), error: summary.estimate(error) }
+        };
+        let places: Vec<Place> = rows.iter().map(place).collect();
+        let named = |points: Vec<usize>| points.into_iter().map(|i| rows[i]).collect::<Vec<usize>>();
+        let Front { points, alike } = pareto_front(&places);
+        Front { points: named(points), alike: alike.into_iter().map(named).collect() }
     }
 
     /// Whether any summary has a value of the metric.
@@ -422,10 +673,21 @@ impl Table {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Returns the names of all metrics of the run, except device times.
+    /// Returns the numbers of unstable and of timed choices among `rows`.
+    pub(super) fn unstable(&self, rows: &[usize]) -> (usize, usize) {
+        let timed: Vec<Shading> = rows.iter().filter_map(|&i| self.shading(i)).filter(|shading| shading.is_interleaved).collect();
+        (timed.iter().filter(|shading| shading.is_unstable()).count(), timed.len())
+    }
+
+    /// Returns the device time of the shading pass of a choice, ms; NaN if it was not measured.
+    pub(super) fn shading_ms(&self, index: usize) -> f64 {
+        self.summaries[index].value(SHADING_MS)
+    }
+
+    /// Returns the names of all metrics of the run, except device times and their ratios.
     pub(super) fn metric_names(&self) -> Vec<String> {
         let mut names: Vec<String> =
-            self.summaries.iter().flat_map(Summary::names).filter(|n| timed_pass(n).is_none()).map(str::to_owned).collect();
+            self.summaries.iter().flat_map(Summary::names).filter(|n| !metrics::is_time(n)).map(str::to_owned).collect();
         names.sort();
         names.dedup();
         names

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use super::columns::{self, Cell, Source};
-use super::fake::{self, Folder, NOISES, Rows, base, definition};
-use super::summary::{Key, RMSE, Table};
+use super::checks::Mark::{Fails, Passes, Unclear};
+use super::columns::{self, Cell, Source, Standing};
+use super::fake::{self, FREEDOM, Folder, LIT, NOISES, Rows, base, definition};
+use super::summary::{ADDED, BIAS, CLUMPING, Key, PERCEIVED, REJECTIONS, RMSE, SHADING, Table};
 use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
 use crate::row::Row;
 use kernels::shading::Estimator;
@@ -55,8 +56,11 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
     Some(rest.split_once('"')?.0)
 }
 
-/// The values of rows over all frames, by key, metric, lag and frequency. Only rows of spectra have a frequency.
-type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
+/// The columns that identify a number of a choice: metric, signal, lag and frequency. Only rows of spectra have a frequency.
+type Name = (String, String, Option<u32>, Option<u64>);
+
+/// The values of rows over all frames, by key and name.
+type Known = BTreeMap<(Key, Name), f64>;
 
 fn known(run: &RunData) -> Known {
     // If a number has no row over all frames, the row of a single frame is used. In these runs, such a number has only one row.
@@ -64,7 +68,7 @@ fn known(run: &RunData) -> Known {
     all()
         .filter(|r| r.frame.is_some())
         .chain(all().filter(|r| r.frame.is_none()))
-        .map(|r| ((Key::of(r), r.metric.clone(), r.lag, r.frequency.map(f64::to_bits)), r.value))
+        .map(|r| ((Key::of(r), (r.metric.clone(), r.signal.clone(), r.lag, r.frequency.map(f64::to_bits))), r.value))
         .collect()
 }
 
@@ -73,14 +77,15 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     let known = known(run);
     let mut lost = Vec::new();
     let table = html.split("<table class=\"all\">").nth(1).and_then(|t| t.split("</table>").next()).expect("a table");
-    let heads: Vec<(Option<String>, Option<u32>)> = elements(table, "th")
+    let heads: Vec<Option<Name>> = elements(table, "th")
         .iter()
         .map(|(attributes, _)| {
-            (attribute(attributes, "data-metric").map(str::to_owned), attribute(attributes, "data-lag").and_then(|k| k.parse().ok()))
+            let signal = attribute(attributes, "data-signal").unwrap_or_default().to_owned();
+            let lag = attribute(attributes, "data-lag").and_then(|k| k.parse().ok());
+            Some((attribute(attributes, "data-metric")?.to_owned(), signal, lag, None))
         })
         .collect();
     let mut keys: BTreeMap<String, Key> = BTreeMap::new();
-    let mut first_ms: BTreeMap<String, f64> = BTreeMap::new();
     for (attributes, cells) in elements(table, "tr") {
         let column = |name: &str| attribute(attributes, &format!("data-{name}")).unwrap_or_default().to_owned();
         let key = Key {
@@ -99,29 +104,21 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
         // headings.
         let numbers = elements(cells, "td");
         assert_eq!(numbers.len(), heads.len(), "{attributes}");
-        for ((attributes, _), (metric, lag)) in numbers.iter().zip(&heads) {
+        for ((attributes, _), name) in numbers.iter().zip(&heads) {
             let Some(shown) = attribute(attributes, "data-v").map(|v| v.parse::<f64>().expect("a number")) else { continue };
-            let found = match metric {
-                Some(metric) => known.get(&(key.clone(), metric.clone(), *lag, None)).copied(),
-                None => {
-                    // A column without a metric shows the promised fetches, or the ratio of two shading times.
-                    let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None)).copied();
-                    let promise =
-                        key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(Estimator::Fc5.promised_fetches_of(v))).ok();
-                    let first = ms.map(|ms| *first_ms.entry(key.view.clone()).or_insert(ms));
-                    let ratio = ms.zip(first).map(|(ms, first)| ms / first);
-                    if promise == Some(shown) { promise } else { ratio }
-                }
+            let found = match name {
+                Some(name) => known.get(&(key.clone(), name.clone())).copied(),
+                // A column without a metric shows the promised fetches.
+                None => key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(Estimator::Fc5.promised_fetches_of(v))).ok(),
             };
             if found != Some(shown) {
-                lost.push(format!("{}: {metric:?} {lag:?} = {shown}, rows say {found:?}", key.words()));
+                lost.push(format!("{}: {name:?} = {shown}, rows say {found:?}", key.words()));
             }
         }
     }
-    // The y of a mark must be the value of a row of its choice, or the ratio of its shading time. The x must be one of these numbers, or
-    // the setting, a lag or a frequency of the choice.
+    // The y of a mark must be the value of a row of its choice. The x must be one of these numbers, or the setting, a lag or a frequency of the choice.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
-    for ((key, _, lag, frequency), &value) in &known {
+    for ((key, (_, _, lag, frequency)), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));
     }
     for (anchor, mark) in html.split("<a href=\"#").skip(1).filter_map(|m| m.split_once("\"><circle ")) {
@@ -130,8 +127,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
         let key = keys.get(anchor).unwrap_or_else(|| panic!("no row has the anchor {anchor}"));
         let (x, y) = (value("data-x"), value("data-y"));
         let of_choice = of_choices.get(key).map_or(&[][..], Vec::as_slice);
-        let ms = of_choice_ms(&known, key, &first_ms);
-        let is = |value: f64| of_choice.iter().map(|(.., v)| v).chain(&ms).any(|v| v.to_bits() == value.to_bits());
+        let is = |value: f64| of_choice.iter().any(|(.., v)| v.to_bits() == value.to_bits());
         let is_set = !of_choice.is_empty() && key.setting.parse() == Ok(x);
         let axis = is_set || of_choice.iter().any(|(lag, frequency, _)| lag.map(f64::from) == Some(x) || *frequency == Some(x.to_bits()));
         if !is(y) || !(is(x) || axis) {
@@ -139,12 +135,6 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
         }
     }
     lost
-}
-
-/// Returns the ratio of the choice's shading time to the first shading time of its view; empty if the choice was not timed.
-fn of_choice_ms(known: &Known, key: &Key, first_ms: &BTreeMap<String, f64>) -> Vec<f64> {
-    let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None));
-    ms.zip(first_ms.get(&key.view)).map(|(ms, first)| ms / first).into_iter().collect()
 }
 
 #[test]
@@ -156,17 +146,19 @@ fn every_number_shown_is_in_the_rows() {
         assert_eq!(untraceable(&html, &run), [""; 0], "{}", folder.path().display());
         // Negative control: the value of one row is changed after the page was made. Both the table and the plots must then contain values without a
         // row.
-        let changed = run.rows.iter_mut().find(|r| r.metric == "rmse" && r.frame.is_none()).expect("a row");
+        let shown = Table::of(&run).shown.name();
+        let is_shown = |r: &&mut Row| r.metric == "rmse" && r.frame.is_none() && r.signal == shown;
+        let changed = run.rows.iter_mut().find(is_shown).expect("a row");
         changed.value *= 1.0 + 1e-9;
         let lost = untraceable(&html, &run);
-        assert!(lost.iter().any(|l| l.contains("Some(\"rmse\")")) && lost.iter().any(|l| l.contains("a mark at")), "{lost:?}");
+        assert!(lost.iter().any(|l| l.contains("(\"rmse\"")) && lost.iter().any(|l| l.contains("a mark at")), "{lost:?}");
     }
 }
 
 #[test]
 fn every_shape_makes_a_whole_page_and_a_text() {
     for (folder, run, verdicts) in shapes() {
-        fake::pictures(folder.path(), [640, 360], &[("reference", 1), ("frame", 6), ("flicker-map", 6)]);
+        fake::pictures(folder.path(), [640, 360], &[("reference", 1), ("frame", 6), ("residual-map", 6)]);
         let written = write_run(&run, &verdicts).expect("written");
         let html = fs::read_to_string(&written.page).expect("a page");
         let name = folder.path().display();
@@ -247,11 +239,12 @@ fn splat_promises_twice_as_much_where_it_has_two_tilings() {
 fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let frames = |values: &[f64], whole: Option<f64>| {
         let mut rows = Rows::new();
+        let base = Row { signal: "albedo".to_owned(), ..base("cliff") };
         for (frame, value) in (0..).zip(values) {
-            rows.put(&Row { frame: Some(frame), ..base("cliff") }, "rmse", "linear albedo", *value, None);
+            rows.put(&Row { frame: Some(frame), ..base.clone() }, "rmse", "linear albedo", *value, None);
         }
         if let Some(value) = whole {
-            rows.put(&base("cliff"), "rmse", "linear albedo", value, Some(0.1));
+            rows.put(&base, "rmse", "linear albedo", value, Some(0.1));
         }
         fake::run(definition("frames = 2\nvariants = [\"auto\"]"), rows, Path::new("."))
     };
@@ -263,14 +256,20 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     last.rows[0].standard_error = Some(0.5);
     assert_eq!((value(&last), Table::of(&last).summaries[0].error(RMSE), Table::of(&last).averaged), (4.0, Some(0.5), 0));
     assert!(html(&last, &[]).contains("standard error 0.5, frame 0"));
-    // NaN values are omitted from a mean, and the page gives the number of values that were used.
+    // NaN values are omitted from a mean. The page gives the number of values that were used, and a check names the rows that were left out.
     let run = frames(&[1.0, f64::NAN, 3.0], None);
     assert_eq!(value(&run), 2.0);
     assert!(
         html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, computed by this report")
     );
-    let run = frames(&[f64::NAN, f64::NAN], None);
+    assert!(html(&run, &[]).contains("<li class=\"bad\">1 row holds no number (NaN) and is left out: rmse (albedo) of auto, frame 1</li>"));
+    let run = frames(&[f64::NAN; 5], None);
     assert!(value(&run).is_nan());
+    assert!(
+        text(&run, &[])
+            .contains("5 rows hold no number (NaN) and are left out: rmse (albedo) of auto, frame 0; rmse (albedo) of auto, frame 1; ")
+    );
+    assert!(text(&run, &[]).contains("frame 2; and 2 more"));
     // If a number has two rows, the first is used, and a check of the report fails.
     let mut run = frames(&[], Some(7.0));
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
@@ -305,17 +304,17 @@ fn missing_numbers_are_dashes_with_their_reason() {
     assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "no row of this metric");
     lost.definition.metrics = vec!["flip".to_owned()];
     assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "not among the definition's metrics");
-    lost.rows.retain(|r| r.metric != "bias" && r.metric != "flicker");
+    lost.rows.retain(|r| !["bias", "added", "perceived_noise"].contains(&r.metric.as_str()));
     (lost.definition.seeds, lost.definition.frames) = (0, 1);
-    assert_eq!(reason(&lost, 0, Source::WithError(super::summary::BIAS)), "not measured: seeds = 0");
-    assert_eq!(reason(&lost, 0, Source::Row(super::summary::FLICKER)), "not measured: one frame");
+    assert_eq!(reason(&lost, 0, Source::WithError(BIAS)), "not measured: seeds = 0");
+    assert_eq!([ADDED, PERCEIVED].map(|metric| reason(&lost, 0, Source::Row(metric))), ["not measured: one frame"; 2]);
     let resolved = fake::temporal(folder.path(), &["hashed"]);
-    assert_eq!(reason(&resolved, 1, Source::Row(super::summary::REJECTIONS)), "measured only without a resolve");
+    assert_eq!(reason(&resolved, 1, Source::Row(REJECTIONS)), "measured only without a resolve");
     lost.definition.times = crate::definition::Times::None;
     lost.times.clear();
     assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
     // A column without any number is not shown, but its heading is named below the table.
-    assert!(html(&lost, &[]).contains("Columns without any number: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
+    assert!(html(&lost, &[]).contains("Columns without any number: Shading, RMSE, Bias \u{b1} s.e., Added, Perceived noise."));
     // A picture that equals the reference has an infinite PSNR, which must be shown as a number.
     let mut same = run.clone();
     same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);
@@ -327,6 +326,72 @@ fn missing_numbers_are_dashes_with_their_reason() {
 }
 
 #[test]
+fn unstable_times_are_marked_and_lie_on_no_front() {
+    let folder = Folder::new("unstable");
+    let mut run = fake::variants(folder.path(), &["cliff"], &["hashed"]);
+    let shown = |run: &RunData, index: usize| match columns::cell(run, &Table::of(run), index, Source::ShadingRatio) {
+        Cell::Value { shown, .. } => shown,
+        Cell::Missing(reason) => panic!("{reason}"),
+    };
+    let stable = Table::of(&run);
+    let rows = stable.of_view("cliff");
+    let fronts = |table: &Table| [SHADING, table.cost].map(|cost| table.front(&rows, cost, RMSE));
+    let [by_time, by_fetches] = fronts(&stable);
+    let base = stable.shading_base("cliff").expect("the first timed choice");
+    assert_eq!((base, shown(&run, base).as_str()), (0, "1.00"));
+    let index = by_time.points.iter().copied().find(|&i| i != base).expect("the front has several choices");
+    assert!(shown(&run, index).contains(" \u{b1} ") && !shown(&run, index).contains("unstable"), "{}", shown(&run, index));
+    assert!(!html(&run, &[]).contains("are unstable"));
+    let variant = stable.summaries[index].key.variant.clone();
+    let mut spread = |error: Option<f64>| {
+        let row = run.times.iter_mut().find(|row| row.metric == SHADING.name && row.variant == variant).expect("a row");
+        row.standard_error = error.map(|share| share * row.value);
+        run.clone()
+    };
+    // 1.96 standard errors of 2.6 % are 5.1 %. A choice leaves the front over time, but not the front over fetches.
+    for (error, words) in [(Some(0.026), "unstable (\u{b1} 5.1 %)"), (None, "unstable (no interval)")] {
+        let run = spread(error);
+        let table = Table::of(&run);
+        assert!(shown(&run, index).ends_with(words), "{}", shown(&run, index));
+        let [without, as_before] = fronts(&table);
+        assert!(!without.contains(index) && !without.is_alike(index) && as_before == by_fetches, "{without:?}");
+        assert_eq!(table.unstable(&rows), (1, 33));
+        assert!(
+            html(&run, &[]).contains("1 of 33 times are unstable (95 % interval wider than \u{b1} 5 %) and take no part in the front.")
+        );
+        assert!(text(&run, &[]).contains("1 of 33 shading times are unstable"));
+    }
+    assert_eq!(fronts(&Table::of(&spread(Some(0.025))))[0], by_time);
+}
+
+#[test]
+fn times_of_other_settings_are_divided_without_an_interval() {
+    let mut rows = Rows::new();
+    for (setting, auto, splat) in [("4", 10.0, 40.0), ("8", 15.0, 45.0)] {
+        for (variant, ms, rmse) in [("auto", auto, 0.02), ("splat", splat, 0.01)] {
+            let row = Row { variant: variant.to_owned(), parameter: "frame.tile".to_owned(), setting: setting.to_owned(), ..base("cliff") };
+            rows.put(&row, "rmse", "linear albedo", rmse, None);
+            rows.times(&row, ms, auto);
+        }
+    }
+    let varied = "frames = 1\nvariants = [\"auto\", \"splat\"]\nviews = [\"cliff\"]\n[vary]\nparameter = \"frame.tile\"\nvalues = [4, 8]";
+    let run = fake::run(definition(varied), rows, Path::new("."));
+    let table = Table::of(&run);
+    let order: Vec<(&str, &str)> = table.summaries.iter().map(|s| (s.key.variant.as_str(), s.key.setting.as_str())).collect();
+    assert_eq!(order, [("auto", "4"), ("auto", "8"), ("splat", "4"), ("splat", "8")]);
+    // The rows of setting 8 have ratios of 1 and 3 to their own first row. The table divides by the row of setting 4, which took 10 ms.
+    let ratios: Vec<(f64, bool)> = (0..4).filter_map(|i| table.shading(i)).map(|shading| (shading.ratio, shading.is_stable())).collect();
+    assert_eq!(ratios, [(1.0, true), (1.5, false), (4.0, true), (4.5, false)]);
+    assert_eq!(table.front(&[0, 1, 2, 3], SHADING, RMSE).points, [0, 2]);
+    assert_eq!(table.unstable(&[0, 1, 2, 3]), (0, 2), "such a ratio is not interleaved, which differs from unstable");
+    let page = html(&run, &[]);
+    assert!(
+        page.contains("1.50, not interleaved") && page.contains("2 times of other values of frame.tile were not interleaved"),
+        "{page}"
+    );
+}
+
+#[test]
 fn every_mark_can_be_red() {
     let folder = Folder::new("marks");
     let good = fake::variants(folder.path(), &["cliff"], &["hashed"]);
@@ -334,17 +399,19 @@ fn every_mark_can_be_red() {
         let checks = columns::checks(run, &Table::of(run), verdicts);
         let page = html(run, verdicts);
         let text = text(run, verdicts);
-        for (good, words) in &checks {
-            assert!(
-                page.contains(&format!("<li class=\"{}\">{}</li>", if *good { "good" } else { "bad" }, super::html::escape(words))),
-                "{words}"
-            );
-            assert!(text.contains(if *good { "- \u{2705} " } else { "- \u{274c} " }));
+        for (result, words) in &checks {
+            let (class, sign) = match result {
+                Passes => ("good", '\u{2705}'),
+                Fails => ("bad", '\u{274c}'),
+                Unclear => ("unclear", '\u{2754}'),
+            };
+            assert!(page.contains(&format!("<li class=\"{class}\">{}</li>", super::html::escape(words))), "{words}");
+            assert!(text.contains(&format!("- {sign} ")), "{words}");
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // The four checks: accuracy of the references, promised fetches, bias, variance.
-    assert_eq!(marks(&good, &[]), [true; 4]);
+    // The five checks: accuracy of the references, promised fetches, bias, variance, invalid pixels.
+    assert_eq!(marks(&good, &[]), [Passes; 5]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();
         change(&mut run);
@@ -353,13 +420,32 @@ fn every_mark_can_be_red() {
     let scale = |run: &mut RunData, metric: &str, variant: &str, factor: f64| {
         run.rows.iter_mut().filter(|r| r.metric == metric && r.variant == variant).for_each(|r| r.value *= factor);
     };
-    assert_eq!(with(&|run| scale(run, "reference_se", "reference", 10.0)), [false, true, true, true]);
-    assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [true, false, true, true]);
-    assert_eq!(with(&|run| scale(run, "bias", "auto", 200.0)), [true, true, false, true]);
-    assert_eq!(with(&|run| scale(run, "variance", "auto", 2.0)), [true, true, true, false]);
+    let put = |run: &mut RunData, metric: &str, variant: &str, value: f64, error: f64| {
+        let rows = run.rows.iter_mut().filter(|r| r.metric == metric && r.variant == variant);
+        rows.for_each(|r| (r.value, r.standard_error) = (value, Some(error)));
+    };
+    assert_eq!(with(&|run| scale(run, "reference_se", "reference", 10.0)), [Fails, Passes, Passes, Passes, Passes]);
+    assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [Passes, Fails, Passes, Passes, Passes]);
+    assert_eq!(with(&|run| put(run, "bias", "near-cliff", 1e-3, 1.5e-5)), [Passes, Passes, Fails, Passes, Passes]);
+    assert_eq!(with(&|run| scale(run, "exact_mse", "near-cliff", 2.0)), [Passes, Passes, Passes, Fails, Passes]);
+    // Biases of compositions are not tested, because they follow from those of the flavours.
+    assert_eq!(with(&|run| put(run, "bias", "auto", 1e-3, 1.5e-5)), [Passes; 5]);
+    // A check without enough data has a mark of its own.
+    assert_eq!(with(&|run| put(run, "bias", "far-cliff", 0.0, 0.1)), [Passes, Passes, Unclear, Passes, Passes]);
+    // A sixth check names rows that hold no number.
+    assert_eq!(with(&|run| scale(run, "exact_mse", "far-cliff", f64::NAN)), [Passes, Passes, Passes, Unclear, Passes, Fails]);
+    let invalid = |run: &mut RunData| {
+        let is_count = |r: &&mut Row| r.metric == "invalid_px" && r.variant == "vt+splat" && r.signal == "lit";
+        run.rows.iter_mut().find(is_count).expect("a count").value = 17.0;
+    };
+    assert_eq!(with(&invalid), [Passes, Passes, Passes, Passes, Fails]);
+    let mut with_invalid = good.clone();
+    invalid(&mut with_invalid);
+    let words = "1 sequence has terrain pixels whose colour is not finite, which are left out of all metrics: vt+splat, lit: 17";
+    assert!(html(&with_invalid, &[]).contains(&format!("<li class=\"bad\">{words}</li>")));
     // The check of the references also fails if their accuracy is unknown.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
-    assert_eq!(lost, [false, true, true, true]);
+    assert_eq!(lost, [Fails, Passes, Passes, Passes, Passes]);
     let mut without = good.clone();
     without.rows.retain(|r| !r.metric.starts_with("reference_"));
     assert!(html(&without, &[]).contains("<td class=\"bad\">its standard error is not known</td>"));
@@ -374,8 +460,7 @@ fn every_mark_can_be_red() {
     assert!(html(&broken, &[]).contains("<td class=\"bad\">differs</td>") && !html(&good, &[]).contains("<td class=\"bad\">"));
     // The check of expectations has three cases: all are met, one is not met, one has no verdict.
     let met: Vec<Verdict> = fake::verdicts().into_iter().take(1).collect();
-    assert!(marks(&good, &met)[0]);
-    assert!(!marks(&good, &fake::verdicts())[0]);
+    assert_eq!([marks(&good, &met)[0], marks(&good, &fake::verdicts())[0]], [Passes, Fails]);
     let open = fake::hash_scale(folder.path());
     let page = html(&open, &met);
     assert!(page.contains("1 of 2 expectations are met"));
@@ -392,10 +477,104 @@ fn several_views_are_kept_apart() {
     let run = fake::variants(folder.path(), &["cliff", "ground"], &["hashed"]);
     let table = Table::of(&run);
     // The reference of the second view is not accurate enough, but that of the first is. Each view has its own Pareto front.
-    assert_eq!(table.references.iter().map(|r| (r.view.as_str(), r.suffices())).collect::<Vec<_>>(), [("cliff", true), ("ground", false)]);
+    assert_eq!(
+        table.references.iter().map(|r| (r.view.as_str(), r.signal.name(), r.suffices())).collect::<Vec<_>>(),
+        [("cliff", "albedo", true), ("cliff", "lit", true), ("ground", "albedo", false), ("ground", "lit", false)]
+    );
     let fronts = columns::fronts(&table);
-    assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error)));
+    assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error == Standing::On)));
     assert!(html(&run, &[]).matches("<details class=\"view\" open>").count() > 2);
+}
+
+#[test]
+fn the_lit_picture_is_ranked_and_shown_where_it_is_measured() {
+    let folder = Folder::new("lit");
+    let run = fake::variants(folder.path(), &["cliff"], &["hashed"]);
+    let albedo = |metric: &str| {
+        let is_it = |r: &&Row| r.metric == metric && r.variant == "auto" && r.frame.is_none() && r.signal == "albedo";
+        run.rows.iter().find(is_it).expect("a row").value
+    };
+    let auto = |run: &RunData| {
+        let table = Table::of(run);
+        let summary = table.summaries.iter().find(|s| s.key.variant == "auto").expect("it is there").clone();
+        (summary.value(RMSE), summary.value(BIAS), table.shown.name())
+    };
+    assert_eq!(auto(&run), (albedo("rmse") * LIT, albedo("bias"), "lit"));
+    assert!(html(&run, &[]).contains("title=\"rmse, lit\">RMSE<small>lit</small>") && text(&run, &[]).contains("| RMSE (lit) |"));
+    assert!(html(&run, &[]).contains("title=\"added, lit, lag 1\">Added<small>lit, k = 1</small>"));
+    assert!(html(&run, &[]).contains("title=\"bias, albedo\">Bias"), "theory exists for albedo only");
+    assert!(
+        text(&run, &[]).contains("- Signals: albedo, lit; shown: lit; lit with exposure 0 stops and tone curve reinhard; perceived noise at 60 frames per second and 67 pixels")
+    );
+    // A run that measures only albedo.
+    let mut plain = run.clone();
+    plain.rows.retain(|r| r.signal != "lit");
+    assert_eq!(auto(&plain), (albedo("rmse"), albedo("bias"), "albedo"));
+    assert!(html(&plain, &[]).contains("title=\"rmse, albedo\">RMSE<small>albedo</small>"));
+}
+
+#[test]
+fn reference_sequences_of_resolves_are_told_apart() {
+    let folder = Folder::new("resolved");
+    let run = fake::temporal(folder.path(), &["hashed"]);
+    let table = Table::of(&run);
+    // Their rows differ only in the resolve, so they are no doubles.
+    assert_eq!((table.doubles, table.references.len()), (0, 2));
+    let differences: Vec<(&str, f64)> = table.references[0].differences.iter().map(|(resolve, d)| (resolve.as_str(), *d)).collect();
+    assert_eq!(differences, [("", 0.0011), ("exponential", 0.0007), ("flipquad", 0.0007)]);
+    let page = html(&run, &[]);
+    assert!(page.contains("Difference, k = 1</th>") && page.contains("Difference, k = 1, exponential</th>"));
+    assert!(page.contains("<td>lit</td>") && page.contains("<td>albedo</td>"));
+}
+
+#[test]
+fn choices_within_chance_of_a_front_are_marked() {
+    let mut rows = Rows::new();
+    for (variant, fetches, added) in [("far-atlas", 2.0, 0.004), ("near-cliff", 12.0, 0.0035), ("splat", 48.0, 0.003), ("vt", 49.0, 0.0036)]
+    {
+        let row = Row { variant: variant.to_owned(), signal: "albedo".to_owned(), ..base("cliff") };
+        rows.put(&row, "fetches_per_px", "samples", fetches, None);
+        rows.put(&row, "rmse", "linear albedo", added, None);
+        rows.put(&Row { lag: Some(1), ..row }, "added", "luminance", added, Some(0.0002));
+    }
+    let run = fake::run(definition("frames = 16\nvariants = [\"all\"]"), rows, Path::new("."));
+    let table = Table::of(&run);
+    let names = |table: &Table| -> BTreeMap<String, String> {
+        table.summaries.iter().zip(columns::fronts(table)).map(|(s, front)| (s.key.variant.clone(), front.name())).collect()
+    };
+    // Without standard errors, each of the first three is on the front of errors. Chance explains why near cliff adds less change than the far atlas, and
+    // why it adds more than splat.
+    let expected = [("far-atlas", "error, added"), ("near-cliff", "error, (added)"), ("splat", "error, added"), ("vt", "")];
+    assert_eq!(names(&table), BTreeMap::from(expected.map(|(variant, front)| (variant.to_owned(), front.to_owned()))));
+    let page = html(&run, &[]);
+    assert!(
+        page.contains("<td>error, (added)</td>") && page.contains("The standard errors of RMSE are not known, so the values are compared")
+    );
+    assert!(page.contains(
+        "A choice is on the line if its added change is smaller than that of every cheaper choice on the line by more than chance"
+    ));
+    assert!(text(&run, &[]).contains("A front in brackets: the choice is not on that front"));
+}
+
+#[test]
+fn intervals_follow_from_the_degrees_of_freedom() {
+    let half = |frames: u32, metric: &str, lag: Option<u32>| {
+        let mut rows = Rows::new();
+        let row = Row { signal: "albedo".to_owned(), lag, ..base("cliff") };
+        rows.put(&row, metric, "", 1.0, Some(1.0));
+        let run = fake::run(definition(&format!("frames = {frames}\nseeds = 8\nvariants = [\"auto\"]")), rows, Path::new("."));
+        let table = Table::of(&run);
+        let found = [ADDED, PERCEIVED, CLUMPING, BIAS, SHADING].into_iter().find_map(|m| table.summaries[0].half(m));
+        (found.expect("an interval") * 1000.0).round() / 1000.0
+    };
+    // Published tables of Student's t distribution, two-sided level 5 %: 12.706, 4.303, 3.182, 2.365, 2.145 and 2.093 with 1, 2, 3, 7, 14 and 19 degrees
+    // of freedom. Added change of n frames comes from n - 1 groups, at most 20; perceived noise is measured in 4 of 16 frames; clumping in 8 seeds.
+    assert_eq!([3, 4, 16, 200].map(|frames| half(frames, "added", Some(1))), [12.706, 4.303, 2.145, 2.093]);
+    assert_eq!(half(16, "perceived_noise", None), 3.182);
+    assert_eq!(half(16, "clumping", None), 2.365);
+    // The row of a bias says that its standard error has 90. A standard error of a time is derived from an interval of 1.96 of them.
+    assert_eq!((FREEDOM, half(16, "bias", None)), (90.0, 1.987));
+    assert!((half(16, "gpu_ratio:shading", None) - 1.96).abs() < 1.5e-3, "{}", half(16, "gpu_ratio:shading", None));
 }
 
 #[test]
@@ -418,4 +597,19 @@ fn a_run_without_rows_is_refused() {
     let empty = RunData { rows: Vec::new(), ..run };
     assert!(write_run(&empty, &[]).is_err_and(|e| e.to_string().contains("no metrics yet")));
     assert!(!folder.path().join("report.html").exists() || std::env::var_os("SCREE_REPORTS").is_some());
+}
+
+#[test]
+fn biases_by_design_are_remarks_and_not_checks() {
+    let folder = Folder::new("remarks");
+    let mut run = fake::estimators(folder.path());
+    let hex = run.rows.iter().find(|row| row.estimator == "hex").expect("an estimator").clone();
+    assert!(!html(&run, &[]).contains("class=\"remark\""));
+    let before = columns::checks(&run, &Table::of(&run), &[]).len();
+    let bias = Row { metric: "bias".to_owned(), signal: "albedo".to_owned(), lag: None, value: -0.0123, ..hex };
+    run.rows.push(Row { standard_error: Some(1e-4), freedom: Some(60.0), ..bias });
+    assert_eq!(columns::checks(&run, &Table::of(&run), &[]).len(), before);
+    let (page, text) = (html(&run, &[]), text(&run, &[]));
+    let words = "biased by design against the exact blend (95 % intervals): hex by at most -0.0123 \u{b1} 0.0002 (hex; hex tiling reduces";
+    assert!(page.contains(&format!("<li class=\"remark\">{words}")) && text.contains(&format!("- {words}")), "{text}");
 }

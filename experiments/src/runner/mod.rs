@@ -5,8 +5,10 @@
 //! measured differently: each variant is shaded by its own pipeline.
 
 mod costs;
+mod followed;
 mod pictures;
 mod reference;
+mod sequence;
 mod sweep;
 mod timing;
 mod views;
@@ -22,6 +24,7 @@ use kernels::frame::{ClassifyBy, FrameSettings, RenderRequest, Renderer, Rendere
 use kernels::gpu::Gpu;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
+use kernels::shared::signal::Signal;
 use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
@@ -29,6 +32,7 @@ use kernels::view::camera::Pose;
 use crate::definition::{Definition, Setting, setting_text};
 use crate::metrics;
 use crate::row::Row;
+use crate::significance::Mean;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
 /// A callback that ignores the progress of the renderer. The runner reports the steps of each part instead.
@@ -178,11 +182,37 @@ impl Labels<'_> {
         self.definition.noises.first().is_some_and(|noise| noise == self.noise)
     }
 
-    /// Adds a row if the definition requests the metric.
+    /// Adds a row if the definition requests the metric. A metric that has a signal is that of albedo.
     ///
     /// # Errors
     /// The name is not in the table of metrics.
     fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) -> Result<()> {
+        self.put_of(rows, variant, Signal::Albedo, metric, mark, value, standard_error)
+    }
+
+    /// Adds a row for a signal if the definition requests the metric.
+    ///
+    /// # Errors
+    /// The name is not in the table of metrics.
+    #[allow(clippy::too_many_arguments, reason = "the columns of a row")]
+    fn put_of(
+        &self,
+        rows: &mut Vec<Row>,
+        variant: &str,
+        signal: Signal,
+        metric: &str,
+        mark: Mark,
+        value: f64,
+        standard_error: Option<f64>,
+    ) -> Result<()> {
+        self.put_mean(rows, variant, signal, metric, mark, Mean { value, standard_error, freedom: None })
+    }
+
+    /// Does the same as [`Labels::put_of`], with the degrees of freedom of the standard error.
+    ///
+    /// # Errors
+    /// The same errors as [`Labels::put_of`].
+    fn put_mean(&self, rows: &mut Vec<Row>, variant: &str, signal: Signal, metric: &str, mark: Mark, mean: Mean) -> Result<()> {
         let known = metrics::known(metric).map_err(Error::msg)?;
         if !self.definition.measures(metric) {
             return Ok(());
@@ -196,15 +226,17 @@ impl Labels<'_> {
             estimator: self.estimator.to_owned(),
             noise: self.noise.to_owned(),
             temporal: self.temporal.to_owned(),
+            signal: known.signal_column(signal).to_owned(),
             setting: self.unit.setting.as_ref().map_or_else(String::new, setting_text),
             parameter,
             frame: mark.frame,
             lag: mark.lag,
             frequency: mark.frequency,
             metric: metric.to_owned(),
-            unit: known.unit.to_owned(),
-            value,
-            standard_error,
+            unit: known.unit_of(signal),
+            value: mean.value,
+            standard_error: mean.standard_error,
+            freedom: mean.freedom,
         });
         Ok(())
     }

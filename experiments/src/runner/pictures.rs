@@ -4,12 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use kernels::base::colour::srgb_code;
+use kernels::base::colour::{linear_from_srgb, srgb_code};
 use kernels::frame::export::write_png_texels;
 use kernels::gpu::{Gpu, read_buffer};
 use kernels::metrics::Meter;
 use kernels::motion::NO_LINK;
-use kernels::shared::signal;
+use kernels::shared::signal::{self, Signal};
 use kernels::variant::Variant;
 
 use super::Labels;
@@ -21,16 +21,18 @@ use crate::unit::Unit;
 
 /// The beginning of error messages about pictures that cannot be written. It contains the remedy.
 const ROOM: &str = "cannot store a picture (make room if the disk is full)";
-/// Smallest difference in luminance for which a flicker map has the last colour of its scale, which is almost white.
+/// The number that stands for a pixel without terrain in a file of links.
+const NO_TERRAIN: u32 = NO_LINK - 1;
+/// Smallest change of the error for which a map of residual flicker has the last colour of its scale, which is almost white.
 const MAP_WHITE: f64 = 0.25;
 
 /// The kind of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Albedo of a frame.
+    /// A frame: lit, or its albedo if the run does not measure lit pictures.
     Frame,
-    /// Difference in luminance between each pixel and the same terrain point in the previous frame.
-    FlickerMap,
+    /// Change of the error of each surface point since the previous frame.
+    ResidualMap,
     /// The converged reference.
     Reference,
     /// The flavours that are shaded in each tile.
@@ -42,7 +44,7 @@ impl Kind {
     fn name(self) -> &'static str {
         match self {
             Kind::Frame => "frame",
-            Kind::FlickerMap => "flicker-map",
+            Kind::ResidualMap => "residual-map",
             Kind::Reference => "reference",
             Kind::TileMap => "tile-map",
         }
@@ -101,51 +103,75 @@ impl Sheet {
     }
 }
 
-/// Frame rate in the command lines of tools for video quality, frames per second. It is a common target of games.
-const FRAMES_PER_SECOND: f64 = 60.0;
-
-/// Returns the folder of the PNG sequence of one variant of a part. If `variant` is empty, returns the folder of the reference sequence.
-pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &str) -> PathBuf {
-    let folder = run.join(VIDEO);
-    if variant.is_empty() { folder.join(reference_part) } else { folder.join(format!("{part}-{variant}")) }
+/// Returns the folder of a PNG sequence of a part. `of` is the variant of a sweep, or the temporal resolve of a reference.
+pub(super) fn sequence(run: &Path, part: &str, of: &str) -> PathBuf {
+    run.join(VIDEO).join(format!("{part}-{of}"))
 }
 
 /// Writes one frame of a sequence as PNG.
-pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[f32; 3]]) -> Result<()> {
+pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], codes: &[[u8; 3]]) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels)).context(ROOM)
+    write_png_texels(&folder.join(format!("{frame:04}.png")), size, codes).context(ROOM)
+}
+
+/// Writes the links from a frame to the frame before, as `NNNN.links` in the folder of a sequence: for each pixel, row by row from the top, a
+/// little-endian 32-bit number. It is the index of the linked pixel, [`NO_LINK`], or [`NO_TERRAIN`]. `picture` says where there is terrain.
+pub(super) fn write_links(gpu: &Gpu, meter: &Meter, folder: &Path, frame: u32, picture: &[[u32; 2]]) -> Result<()> {
+    let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, picture.len() as u64 * 4)?);
+    write_with(&folder.join(format!("{frame:04}.links")), |output| {
+        for (&link, &pixel) in links.iter().zip(picture) {
+            let known = if signal::is_terrain(pixel) { link } else { NO_TERRAIN };
+            output.write_all(&known.to_le_bytes())?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes `judge.txt` into the folder of a sequence. The file contains the command lines that compare the sequence with the reference sequence.
-pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Result<()> {
+pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2], frames_per_second: f64) -> Result<()> {
     let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
-    let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
+    let text = commands(&pattern(test), &pattern(reference), frames_per_second, size);
     let file = test.join("judge.txt");
     write_with(&file, |output| output.write_all(text.as_bytes()))
 }
 
-/// Encodes linear albedo as sRGB for display. There is no tone mapping, because the pictures show albedo and not light.
+/// Encodes linear colour as sRGB for display. There is no tone mapping: albedo is not light, and lit pictures were mapped before.
 pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     texels.iter().map(|t| t.map(srgb_code)).collect()
 }
 
-/// Returns a map of flicker in the colour map magma. It shows the difference in luminance between each pixel of the last picture of `stream` and the
-/// same terrain point in the previous frame. `stream` is the index of a variant in `meter`. Pixels whose terrain point was not visible in the
-/// previous frame are black.
-pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
+/// Returns the linear colours of a measured picture; black where it shows no terrain. For the lit picture, they are the linear form of the display
+/// values.
+pub(super) fn linear(picture: &[[u32; 2]], signal: Signal) -> Vec<[f32; 3]> {
+    let colour = |s: &[u32; 2]| if signal::is_terrain(*s) { signal::colour(*s) } else { [0.0; 3] };
+    picture.iter().map(|s| if signal == Signal::Lit { colour(s).map(linear_from_srgb) } else { colour(s) }).collect()
+}
+
+/// Returns the codes with which a measured picture is shown.
+pub(super) fn displayed(picture: &[[u32; 2]], signal: Signal) -> Vec<[u8; 3]> {
+    display(&linear(picture, signal))
+}
+
+/// Returns a map of residual flicker in the colour map magma. It shows the change of the error of each surface point since the previous frame, in the
+/// last picture of `stream`. `stream` is the index of a stream of `meter`, which must have a reference. Pixels whose surface point was not visible in
+/// the previous frame are black.
+pub(super) fn residual_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
+    let signal = meter.streams[stream].track.signal;
+    let (truth, truth_before) = (meter.reference(gpu, signal, 0)?, meter.reference(gpu, signal, 1)?);
     let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, pixels * 4)?);
     let scale = magma();
-    let luminance = |s: [u32; 2]| signal::luminance(signal::colour(s));
-    let colour = |(now, link): (&[u32; 2], &u32)| {
-        if *link == NO_LINK || !signal::is_terrain(*now) {
-            return [0; 3];
-        }
-        let share = (luminance(*now) - luminance(before[*link as usize])).abs() / MAP_WHITE;
-        scale[((share * 255.0) as usize).min(scale.len() - 1)]
+    let luminance = |s: [u32; 2]| signal::is_terrain(s).then(|| signal::luminance(signal::colour(s)));
+    let error = |test: [u32; 2], truth: [u32; 2]| Some(luminance(test)? - luminance(truth)?);
+    let colour = |at: usize| {
+        let link = links[at];
+        let change = (link != NO_LINK)
+            .then_some(link as usize)
+            .and_then(|link| Some(error(now[at], truth[at])? - error(before[link], truth_before[link])?));
+        change.map_or([0; 3], |change| scale[((change.abs() / MAP_WHITE * 255.0) as usize).min(scale.len() - 1)])
     };
-    Ok(now.iter().zip(&links).map(colour).collect())
+    Ok((0..now.len()).map(colour).collect())
 }
 
 /// Legend of the colours of a tile map.

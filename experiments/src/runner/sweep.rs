@@ -6,22 +6,23 @@ use anyhow::{Context, Result};
 use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::metrics::{BINS, FrameSums, Meter, SeedStream, quantile, read_signal};
-use kernels::motion::LAGS;
+use kernels::metrics::{AreaSums, Meter, SeedStream, Track, areas, read_signal};
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::moments::Moments;
 use kernels::shared::noise::NoiseKind;
-use kernels::shared::signal;
+use kernels::shared::signal::{self, Signal};
 use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use rayon::prelude::*;
 
+use super::followed::Followed;
 use super::reference::Reference;
 use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
 use crate::judge;
 use crate::metrics::{self, SMALLEST_SIDE};
 use crate::process::{check_interrupted, error_line};
 use crate::row::Row;
+use crate::significance::Areas;
 use crate::unit::{Outcome, Unit};
 
 /// Limit of the number of bands of a spectrum.
@@ -47,46 +48,20 @@ impl How {
     }
 }
 
-/// Sums for one variant over all frames. The means over frames are computed from these sums.
-struct Followed {
-    fetches: Moments<f64>,
-    rejections: Moments<f64>,
-    lags: [Lag; LAGS],
-    histogram: [u64; BINS],
-}
-
-#[derive(Clone, Copy, Default)]
-struct Lag {
-    flips: Moments<f64>,
-    difference: Moments<f64>,
-    flicker: Moments<f64>,
-    disoccluded: Moments<f64>,
-}
-
-impl Default for Followed {
-    fn default() -> Self {
-        Followed { fetches: Moments::new(), rejections: Moments::new(), lags: Default::default(), histogram: [0; BINS] }
-    }
-}
-
-/// Adds the value of one frame to `moments`, and returns the value.
-fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
-    moments.add([value, 0.0]);
-    value
-}
-
 impl Runner<'_> {
     /// Measures a sweep: first all frames, then the errors of the last frame, then several seeds for the last frame.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
-        let reference = match Reference::read(folder, &reference_part) {
+        // Streams are ordered by signal, and those of one signal by variant.
+        let signals = definition.measured_signals();
+        let reference = match Reference::read(folder, &reference_part, &signals) {
             Ok(reference) => reference,
             // The reference may have been removed or damaged since it was rendered. Rendering it again gives the same result.
             Err(error) => {
                 eprintln!("note: {}; the reference is rendered again", error_line(&error));
                 self.reference(&reference_part, folder, step)?;
-                Reference::read(folder, &reference_part)?
+                Reference::read(folder, &reference_part, &signals)?
             }
         };
         let size = definition.size;
@@ -116,30 +91,45 @@ impl Runner<'_> {
         };
 
         // The meter compares each frame with the 4 previous frames, or with fewer at the start of the sequence.
-        let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
-        let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
+        let tracks: Vec<Track> =
+            signals.iter().flat_map(|&signal| variants.iter().map(move |_| Track { signal, resolve: how.resolve })).collect();
+        let composed: Vec<Option<Variant>> = signals.iter().flat_map(|_| variants.iter().copied()).collect();
+        let mut meter = stage.renderer.meter(size, &tracks, Some(definition.viewing.of_meter()))?;
+        let mut followed: Vec<Followed> = tracks.iter().map(|track| Followed::new(track.signal, frames)).collect();
+        let mut truth = reference.sequence(how.resolve)?;
         for frame in 0..frames {
             step(u64::from(frame), total);
             check_interrupted()?;
             let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
             let request = request(pose, frame);
             let layers = stage.draw(&request, needed)?;
-            let (sums, _) = stage.renderer.drawn_as(&request)?.measure(&layers, &mut meter, &variants)?;
+            for (&signal, picture) in signals.iter().zip(truth.next(signals.len())?) {
+                meter.write_reference(self.gpu, signal, &picture);
+            }
+            let (sums, _) = stage.renderer.drawn_as(&request)?.measure(&layers, &mut meter, &composed)?;
             let filmed = |choice: VariantChoice| definition.video && is_pictured(&labels, how, choice);
-            for (stream, (name, _)) in choices.iter().enumerate().filter(|(_, (_, choice))| filmed(*choice)) {
-                let texels: Vec<[f32; 3]> = meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
-                let sequence = pictures::sequence(folder, &reference_part.id, &unit.id, name);
-                pictures::write_frame(&sequence, frame, size, &texels)?;
+            for (index, (name, _)) in choices.iter().enumerate().filter(|(_, (_, choice))| filmed(*choice)) {
+                // The last signal is the lit picture, if it is measured.
+                let stream = tracks.len() - choices.len() + index;
+                let codes = pictures::displayed(&meter.picture(self.gpu, stream, 0)?, tracks[stream].signal);
+                let sequence = pictures::sequence(folder, &unit.id, name);
+                pictures::write_frame(&sequence, frame, size, &codes)?;
                 if frame + 1 == frames {
-                    pictures::write_judges(&sequence, &pictures::sequence(folder, &reference_part.id, "", ""), size)?;
+                    let reference = pictures::sequence(folder, &reference_part.id, how.resolve.name());
+                    pictures::write_judges(&sequence, &reference, size, definition.viewing.frames_per_second)?;
                 }
             }
-            for (((name, _), sums), followed) in choices.iter().zip(&sums).zip(&mut followed) {
-                follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed)?;
+            for (stream, (sums, followed)) in sums.iter().zip(&mut followed).enumerate() {
+                let (name, _) = &choices[stream % choices.len()];
+                followed.add(&labels, &mut rows, name, frame, sums, &truth.sequence.changes, how.resolve)?;
+                if metrics::is_seen(frame, frames) {
+                    let remembered = meter.memory(self.gpu, stream)?;
+                    followed.see(&labels, &mut rows, name, frame, size, &remembered)?;
+                }
             }
         }
-        for ((name, _), followed) in choices.iter().zip(&followed) {
-            over_frames(&labels, &mut rows, name, followed, &reference, how.resolve)?;
+        for (stream, followed) in followed.iter().enumerate() {
+            followed.over_frames(&labels, &mut rows, &choices[stream % choices.len()].0, &truth.sequence.changes, how.resolve)?;
         }
 
         // Measures the errors of the last frame and stores pictures of it.
@@ -148,12 +138,13 @@ impl Runner<'_> {
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
         let judged = request(pose, last);
         let mut sheet = pictures::Sheet::new(folder, unit);
-        self.errors(how, &choices, &labels, &meter, &reference, &mut sheet, &mut rows)?;
+        self.errors(how, &choices, &labels, &meter, &reference, &signals, &mut sheet, &mut rows)?;
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
         sheet.finish()?;
 
         // Bias, variance, clumping and spectrum are measured in pictures of the last frame with different seeds. They are measured only without a
-        // temporal resolve.
+        // temporal resolve. Other frames would have the same seeds and, as the camera moves, the same noise in other areas of the picture, so their
+        // numbers would not be independent.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -179,24 +170,28 @@ impl Runner<'_> {
         labels: &Labels<'_>,
         meter: &Meter,
         reference: &Reference,
+        signals: &[Signal],
         sheet: &mut pictures::Sheet,
         rows: &mut Vec<Row>,
     ) -> Result<()> {
         let definition = self.definition;
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
-        let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
+        let pictures: Vec<Vec<[u32; 2]>> = (0..meter.streams.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
         // The errors are computed in parallel on all CPU cores, because FLIP takes longer than rendering.
-        let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
+        let judged: Vec<judge::Errors> = pictures
             .par_iter()
-            .map(|picture| {
-                let texels: Vec<[f32; 3]> = picture.iter().map(|s| signal::colour(*s)).collect();
+            .zip(&meter.streams)
+            .map(|(picture, stream)| {
+                let signal = stream.track.signal;
+                let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
                 let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
-                let errors = judge::errors(definition.size, &texels, &reference.albedo, &mask)?;
-                Ok((texels, errors))
+                Ok(judge::errors(definition.size, &pictures::linear(picture, signal), truth, &mask)?)
             })
             .collect::<Result<_>>()?;
-        for (stream, ((name, choice), (texels, errors))) in choices.iter().zip(&judged).enumerate() {
+        for (stream, errors) in judged.iter().enumerate() {
+            let (name, choice) = &choices[stream % choices.len()];
+            let signal = meter.streams[stream].track.signal;
             for (metric, value) in [
                 (metrics::MSE, Some(errors.mse)),
                 (metrics::RMSE, Some(errors.mse.sqrt())),
@@ -206,19 +201,24 @@ impl Runner<'_> {
                 (metrics::FLIP, Some(errors.flip.mean)),
             ] {
                 if let Some(value) = value {
-                    labels.put(rows, name, metric, mark, value, None)?;
+                    labels.put_of(rows, name, signal, metric, mark, value, None)?;
                 }
             }
-            if is_pictured(labels, how, *choice) {
+            // Pictures show the last signal, which is the lit picture, if it is measured.
+            if signals.last() == Some(&signal) && is_pictured(labels, how, *choice) {
                 let title = format!("{name}, {}", labels.noise);
-                let caption = format!("RMSE {:.4}, FLIP {:.4}", errors.mse.sqrt(), errors.flip.mean);
-                sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(texels))?;
+                let caption = format!("RMSE {:.4}, FLIP {:.4}; {}", errors.mse.sqrt(), errors.flip.mean, signal.name());
+                // Where the picture shows no terrain, it shows the sky of the reference.
+                let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
+                let seen = pictures::displayed(&pictures[stream], signal).into_iter().zip(pictures::display(truth)).zip(&pictures[stream]);
+                let codes: Vec<[u8; 3]> = seen.map(|((own, sky), s)| if signal::is_terrain(*s) { own } else { sky }).collect();
+                sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &codes)?;
                 if how.draws(*choice) && definition.frames > 1 {
-                    let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
+                    let map = pictures::residual_map(self.gpu, meter, stream, definition.size)?;
                     let caption =
-                        "Difference in luminance from the previous frame, at the same surface points; white = 0.25 or more.".to_owned();
-                    let title = format!("Flicker of {name}, {}", labels.noise);
-                    sheet.keep(pictures::Kind::FlickerMap, &format!("{name}-flicker"), &title, &caption, definition.size, &map)?;
+                        "Change of the error since the previous frame, at the same surface points; white = 0.25 or more.".to_owned();
+                    let title = format!("Residual flicker of {name}, {}", labels.noise);
+                    sheet.keep(pictures::Kind::ResidualMap, &format!("{name}-residual"), &title, &caption, definition.size, &map)?;
                 }
             }
         }
@@ -325,9 +325,9 @@ impl Runner<'_> {
             renderer.draw_flavours(judged, fixed, &stage.layers)?;
         }
 
-        let mut bias: Vec<Moments<f64>> = vec![Moments::new(); variants.len()];
-        let mut squared = bias.clone();
-        let mut clumping = bias.clone();
+        let mut errors: Vec<Areas> = vec![Areas::new(areas(size)); variants.len()];
+        let mut squared_errors = errors.clone();
+        let mut clumping: Vec<Moments<f64>> = vec![Moments::new(); variants.len()];
         let mut taken = 0;
         for seed in 0..self.definition.seeds {
             done(seed);
@@ -342,9 +342,9 @@ impl Runner<'_> {
             seeds.encode_add(gpu, &mut encoder, &streams, taken);
             gpu.submit_and_wait(encoder)?;
             for (i, sums) in seeds.read(gpu, &streams)?.into_iter().enumerate() {
-                let numbers = (sums.terrain * 3.0).max(1.0);
-                bias[i].add([sums.error / numbers, 0.0]);
-                squared[i].add([sums.squared_error / numbers, 0.0]);
+                let of_areas = |sum: fn(&AreaSums) -> f64| sums.areas.iter().map(move |area| [sum(area), 3.0 * area.terrain]);
+                errors[i].add(of_areas(|area| area.error));
+                squared_errors[i].add(of_areas(|area| area.squared_error));
                 if let Some(value) = sums.clumping() {
                     clumping[i].add([value, 0.0]);
                 }
@@ -365,12 +365,25 @@ impl Runner<'_> {
         gpu.submit_and_wait(encoder)?;
         let finished = seeds.read_finished(gpu, &streams)?;
         let mark = Mark::frame(judged.shading.frame);
-        for (i, (name, _)) in choices.iter().enumerate() {
+        for (i, (name, choice)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
-            labels.put(rows, name, metrics::BIAS, mark, bias[i].mean(), bias[i].standard_error())?;
-            // If there is no bias, the squared error of each seed is an estimate of the variance. The standard error of the variance is computed from
-            // the scatter of these estimates over the seeds.
-            labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, squared[i].standard_error())?;
+            labels.put_mean(rows, name, Signal::Albedo, metrics::BIAS, mark, errors[i].mean())?;
+            if how.draws(*choice)
+                && let Some(mean_square) = errors[i].mean_square()
+            {
+                labels.put_mean(rows, name, Signal::Albedo, metrics::BIAS_SQUARED, mark, mean_square)?;
+                // Other estimators are biased by design, so there is nothing to test. Their probabilities would be the smallest, which cost most draws.
+                if how.estimator.bias().is_none()
+                    && labels.definition.measures(metrics::BIAS_SQUARED_P)
+                    && let Some(probability) = errors[i].probability()
+                {
+                    labels.put(rows, name, metrics::BIAS_SQUARED_P, mark, probability, None)?;
+                }
+            }
+            // The variance has no standard error: the seeds may be common to all pixels, so neither seeds nor areas tell how far it is from its
+            // expectation. The mean squared error has one, because each picture alone is an estimate.
+            labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
+            labels.put_mean(rows, name, Signal::Albedo, metrics::EXACT_MSE, mark, squared_errors[i].mean())?;
             if clumping[i].count > 0 {
                 labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;
             }
@@ -403,83 +416,6 @@ impl Runner<'_> {
 /// numbers, its pictures are the same for every noise, so they are stored only for the first noise.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
-}
-
-/// Adds the rows of one variant for one frame.
-#[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
-fn follow(
-    labels: &Labels<'_>,
-    rows: &mut Vec<Row>,
-    name: &str,
-    frame: u32,
-    sums: &FrameSums,
-    reference: &Reference,
-    resolve: Resolve,
-    followed: &mut Followed,
-) -> Result<()> {
-    let mark = Mark::frame(frame);
-    let terrain = (sums.terrain as f64).max(1.0);
-    labels.put(rows, name, metrics::FETCHES_PER_PX, mark, add(&mut followed.fetches, sums.fetches as f64 / terrain), None)?;
-    if sums.tested > 0 && resolve == Resolve::Off {
-        let share = add(&mut followed.rejections, sums.rejected as f64 / sums.tested as f64);
-        labels.put(rows, name, metrics::TAA_REJECTIONS, mark, share, None)?;
-    }
-    for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
-        let mark = mark.lag(lag + 1);
-        if sums.terrain == 0 {
-            // For lags above 1, the meter follows only a quarter of the pixels. It is possible that none of these pixels shows terrain.
-            continue;
-        }
-        let linked = sums.linked as f64;
-        labels.put(rows, name, metrics::DISOCCLUDED, mark, add(&mut followed.disoccluded, 1.0 - linked / sums.terrain as f64), None)?;
-        if sums.linked == 0 {
-            continue;
-        }
-        let difference = add(&mut followed.difference, sums.difference / linked);
-        labels.put(rows, name, metrics::DIFFERENCE, mark, difference, None)?;
-        if let Some(own) = reference.record.differences.get(frame as usize).and_then(|lags| lags[lag]) {
-            labels.put(rows, name, metrics::FLICKER, mark, add(&mut followed.flicker, difference - own), None)?;
-        }
-        if sums.chosen > 0 {
-            let share = add(&mut followed.flips, sums.flipped as f64 / sums.chosen as f64);
-            labels.put(rows, name, metrics::FLIP_RATE, mark, share, None)?;
-        }
-    }
-    followed.histogram.iter_mut().zip(&sums.histogram).for_each(|(all, &n)| *all += u64::from(n));
-    Ok(())
-}
-
-/// Adds the rows of one variant over all frames.
-fn over_frames(
-    labels: &Labels<'_>,
-    rows: &mut Vec<Row>,
-    name: &str,
-    followed: &Followed,
-    reference: &Reference,
-    resolve: Resolve,
-) -> Result<()> {
-    let all = Mark::default();
-    let mut put = |metric: &str, mark: Mark, moments: &Moments<f64>| {
-        if moments.count == 0 {
-            return Ok(());
-        }
-        labels.put(rows, name, metric, mark, moments.mean(), moments.standard_error())
-    };
-    put(metrics::FETCHES_PER_PX, all, &followed.fetches)?;
-    if resolve == Resolve::Off {
-        put(metrics::TAA_REJECTIONS, all, &followed.rejections)?;
-    }
-    for (lag, sums) in followed.lags.iter().enumerate() {
-        let mark = all.lag(lag + 1);
-        put(metrics::DISOCCLUDED, mark, &sums.disoccluded)?;
-        put(metrics::DIFFERENCE, mark, &sums.difference)?;
-        put(metrics::FLICKER, mark, &sums.flicker)?;
-        put(metrics::FLIP_RATE, mark, &sums.flips)?;
-    }
-    if let (Some(p95), Some(own)) = (quantile(&followed.histogram, 0.95), reference.record.difference_p95) {
-        labels.put(rows, name, metrics::FLICKER_P95, all.lag(1), p95 - own, None)?;
-    }
-    Ok(())
 }
 
 /// Adds the rows of the spectrum of a picture's error in luminance. The spectrum is computed from the largest square that contains only

@@ -204,7 +204,14 @@ pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]
         noises.par_iter().zip(&mut pasts).zip(&mut sums).for_each(|((noise, past), (flips, blocks, power))| {
             let picture = picture(&seen, *noise);
             if let Some(past) = past {
-                let lag = reference::measure(SIZE, &picture, &[(past.as_slice(), &seen.links)], frame % 4).lags[0];
+                let lag = reference::measure(
+                    SIZE,
+                    &picture,
+                    None,
+                    &[reference::Earlier { picture: past, reference: None, links: &seen.links }],
+                    frame % 4,
+                )
+                .lags[0];
                 *flips = [flips[0] + lag.flipped, flips[1] + lag.chosen];
             }
             let found = reference::seed(SIZE, BLOCK, &picture, &exact);

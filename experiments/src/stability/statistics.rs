@@ -2,6 +2,8 @@
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
+pub use crate::significance::sidak;
+
 /// The random number generator SplitMix64 (Steele et al. 2014). Any state is valid.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
@@ -38,12 +40,6 @@ impl Random {
         let r = (1.0 - z * z).sqrt();
         [r * phi.cos(), r * phi.sin(), z]
     }
-}
-
-/// Returns the level that each of `tests` tests must have so that all tests together have a level of 0.1 % (Šidák).
-pub fn sidak(tests: usize) -> f64 {
-    // This is 1 - 0.999^(1/n). The expression below loses no digits if n is large.
-    -(0.999_f64.ln() / tests as f64).exp_m1()
 }
 
 fn chi_square_p(statistic: f64, freedom: usize) -> f64 {

@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::hash::Hasher as _;
+use std::io::{self, BufRead as _, BufReader};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
 use kernels::base::error::one_line;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
+use twox_hash::XxHash64;
 
+use super::table::{SCHEMA, other_schema};
 use crate::definition::{self, Definition};
 use crate::unit::Shard;
 
@@ -94,9 +98,22 @@ fn checksum(entries: &Entries) -> Result<String> {
     Ok(definition::hash(&serde_json::to_vec(&sorted)?))
 }
 
-/// Returns the xxHash64 of the bytes of a file.
+/// Returns the xxHash64 of the bytes of a file. The file is not read as a whole, because it can be larger than the memory.
 pub(super) fn hash_of(file: &Path) -> Result<String> {
-    Ok(definition::hash(&fs::read(file).with_context(|| format!("cannot read {}", file.display()))?))
+    let hashed = || -> io::Result<String> {
+        let mut input = BufReader::with_capacity(1 << 20, fs::File::open(file)?);
+        let mut hasher = XxHash64::with_seed(0);
+        loop {
+            let bytes = input.fill_buf()?;
+            if bytes.is_empty() {
+                return Ok(format!("{:016x}", hasher.finish()));
+            }
+            hasher.write(bytes);
+            let count = bytes.len();
+            input.consume(count);
+        }
+    };
+    hashed().with_context(|| format!("cannot read {}", file.display()))
 }
 
 impl Manifest {
@@ -105,7 +122,7 @@ impl Manifest {
         let text = definition.to_toml()?;
         let mut manifest = Manifest {
             format: FORMAT,
-            schema: super::table::SCHEMA.to_owned(),
+            schema: SCHEMA.to_owned(),
             experiment: definition.name.clone(),
             definition_hash: definition::hash(text.as_bytes()),
             definition: text,
@@ -113,9 +130,10 @@ impl Manifest {
             small,
             shard: shard.map(|shard| shard.to_string()),
             seed: format!(
-                "frames are numbered from 0; bias and variance are measured over the seeds 0 to {}, everything else with seed 0; every random number is an \
-                 integer hash of the position or the pixel, the frame and the seed",
-                definition.seeds.max(1) - 1
+                "frames are numbered from 0; bias and variance are measured over {} consecutive seeds from the seed of the frame on, everything else with \
+                 the seed of the frame, which is `frame.seed` of the definition (0 if it sets none), plus the number of the frame if it sets \
+                 `frame.reseeds`; every random number is an integer hash of the position or the pixel, the frame and the seed",
+                definition.seeds.max(1)
             ),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: option_env!("SCREE_COMMIT").filter(|commit| !commit.is_empty()).map(str::to_owned),
@@ -169,6 +187,17 @@ impl Manifest {
                 "{}: its checksum is {found}, but {stored} was stored: the manifest is damaged: restore a copy, or remove the folder",
                 file.display()
             );
+        }
+        Ok(())
+    }
+
+    /// Refuses a run whose tables have the columns of another version.
+    ///
+    /// # Errors
+    /// The schema is not that of this version. The message names the remedy.
+    pub(super) fn check_schema(&self, folder: &Path) -> Result<()> {
+        if self.schema != SCHEMA {
+            bail!("{}: {}", folder.join(FILE).display(), other_schema(&self.schema));
         }
         Ok(())
     }

@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use kernels::import::scene_folder;
 use kernels::scene;
+use kernels::shared::signal::Signal;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
@@ -50,6 +51,8 @@ const PARTS: &str = "parts";
 const SCENE: &str = "scene";
 /// Folder of converged references.
 pub(crate) const REFERENCE: &str = "reference";
+/// Extension of the files with the pictures of reference sequences.
+pub(crate) const SEQUENCE: &str = "frames";
 /// Folder of pictures. It contains lists (`.json` files), each of which describes some of the pictures.
 pub(crate) const PICTURES: &str = "pictures";
 /// File name of the HTML report.
@@ -148,9 +151,13 @@ impl Run {
             Manifest::check(&folder)?;
         }
         if let Some(there) = there {
-            let difference = there.difference(&manifest)?;
-            let replaced =
-                place.existing == Existing::Replace && there.experiment == definition.name && (there.complete || difference.is_some());
+            let may_replace = place.existing == Existing::Replace && there.experiment == definition.name;
+            let difference = match there.check_schema(&folder) {
+                Ok(()) => there.difference(&manifest)?,
+                Err(error) if may_replace => Some(format!("{error:#}")),
+                Err(error) => return Err(error),
+            };
+            let replaced = may_replace && (there.complete || difference.is_some());
             if replaced {
                 remove_results(&folder)?;
             } else if place.existing == Existing::Refuse {
@@ -337,7 +344,8 @@ impl Run {
         Ok(())
     }
 
-    /// Stores the result of a part. The columns that follow from the part are set here, so that rows cannot contradict their part.
+    /// Stores the result of a part. The columns that follow from the part or from the metric are set here, so that rows cannot contradict them. The
+    /// column `signal` of a metric that has a signal is `albedo` unless it is `lit`.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {
@@ -349,7 +357,10 @@ impl Run {
                 if metric.is_deterministic() != deterministic {
                     bail!("`{}` is in the wrong table of the part's outcome", row.metric);
                 }
-                metric.unit.clone_into(&mut row.unit);
+                let is_lit = metric.signals == metrics::Signals::Each && row.signal == Signal::Lit.name();
+                let signal = if is_lit { Signal::Lit } else { Signal::Albedo };
+                metric.signal_column(signal).clone_into(&mut row.signal);
+                row.unit = metric.unit_of(signal);
                 self.identify(unit, row);
             }
             rows.retain(|row| self.definition.measures(&row.metric));
@@ -421,7 +432,20 @@ impl Run {
         if parts.exists() {
             fs::remove_dir_all(&parts).with_context(|| format!("cannot remove {}", parts.display()))?;
         }
+        self.remove_sequences()?;
         read_run(&self.folder)
+    }
+}
+
+impl Run {
+    /// Removes the pictures of reference sequences. Only sweeps need them, and all sweeps are finished.
+    fn remove_sequences(&self) -> Result<()> {
+        for file in self.shares.iter().flat_map(|share| reference_files(&self.folder, &share.unit).unwrap_or_default()) {
+            if file.extension().is_some_and(|extension| extension == SEQUENCE) {
+                fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -636,9 +660,10 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         .map(|path| {
             let manifest = Manifest::read(path)?;
             let shard: Option<Shard> = manifest.shard.as_deref().and_then(|text| text.parse().ok());
-            if shard.is_none() {
+            match shard {
+                Some(_) => manifest.check_schema(path)?,
                 // The entry `shard` may be missing because the manifest is damaged. Without this check, the numbers of the shard would be left out.
-                Manifest::check(path)?;
+                None => Manifest::check(path)?,
             }
             Ok(shard.map(|shard| (path.clone(), manifest, shard)))
         })
@@ -698,6 +723,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
 
 fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
     Manifest::check(folder)?;
+    manifest.check_schema(folder)?;
     let context = || format!("{}: the definition in manifest.json", folder.display());
     let definition = definition::stored(&manifest.definition).with_context(context)?;
     let (mut rows, mut times, mut missing) = (Vec::new(), Vec::new(), Vec::new());

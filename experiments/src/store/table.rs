@@ -29,11 +29,20 @@ use crate::process::quietly;
 use crate::row::{COLUMNS, Column, Field, Row};
 
 /// Version of the columns and their meanings. Files of other versions are refused.
-pub const SCHEMA: &str = "1";
+pub const SCHEMA: &str = "2";
 
 const NOTE_SCHEMA: &str = "scree.schema";
 const NOTE_ROWS: &str = "scree.rows";
 const NOTE_CHECKSUM: &str = "scree.xxhash64";
+
+/// Describes tables of another schema, with the remedy. The same sentence is used for a damaged note in a file, which looks alike.
+pub(super) fn other_schema(schema: &str) -> String {
+    let schema: String = one_line(schema).chars().take(20).collect();
+    format!(
+        "its schema is {schema}, but this version reads schema {SCHEMA}: another version wrote it, or it is damaged; repeat the run with another --out, or \
+         read it with the version that wrote it"
+    )
+}
 
 /// Number of values that are read from a column at once.
 const BATCH: usize = 1 << 16;
@@ -225,10 +234,19 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
     let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer is inconsistent".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("it is not a Parquet file ({error})")))?;
     // A damaged file can make the reader access an array beyond its bounds, so panics are caught.
+    if let Some(schema) = quietly(|| schema_of(&reader)).flatten().filter(|schema| schema != SCHEMA) {
+        bail!("{}: {}", file.display(), other_schema(&schema));
+    }
     match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
         None => Err(damaged("its pages are inconsistent".to_owned())),
     }
+}
+
+/// Returns the version of the columns of a file; `None` if it has no such note.
+fn schema_of(reader: &dyn FileReader) -> Option<String> {
+    let notes = reader.metadata().file_metadata().key_value_metadata()?;
+    notes.iter().find(|note| note.key == NOTE_SCHEMA)?.value.clone()
 }
 
 fn read(reader: &dyn FileReader) -> Result<Table> {
@@ -236,10 +254,7 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
     let notes = metadata.key_value_metadata().into_iter().flatten();
     let mut notes: BTreeMap<String, String> = notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect();
     let mut take = |name: &str| notes.remove(name).with_context(|| format!("the note `{name}` is missing"));
-    let (schema, count, checksum) = (take(NOTE_SCHEMA)?, take(NOTE_ROWS)?, take(NOTE_CHECKSUM)?);
-    if schema != SCHEMA {
-        bail!("its schema is {schema}, but this version reads schema {SCHEMA}");
-    }
+    let (_, count, checksum) = (take(NOTE_SCHEMA)?, take(NOTE_ROWS)?, take(NOTE_CHECKSUM)?);
     let description = metadata.schema_descr();
     let mut places = Vec::new();
     for column in &COLUMNS {

@@ -1,22 +1,27 @@
 //! Composition: computes the picture of any variant from the pictures of single flavours.
 //!
-//! Linear albedo is a weighted sum over flavours, and the weights of a pixel follow only from its distance, its normal and the variant. So
-//! the pictures of all 31 variants follow from the pictures of five flavours, by 31 weighted sums in place of 31 shading passes. A composed
-//! picture equals the picture of the variant's own shader up to one additional rounding to f16 (tested for all 31 variants). Fetches and
-//! first choices are composed, too. Times are not composed; they are measured with the pipelines of the variants.
+//! The G-buffer of a variant is a weighted sum over flavours, except that its normal is a unit vector. The weights of a pixel follow only from its
+//! distance, its normal and the variant. So the G-buffers of all 31 variants follow from those of five flavours, by 31 weighted sums in place of 31
+//! shading passes. A composed picture is either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]), which is
+//! computed by the functions of the stages `lighting` and `display`. Composed albedo equals that of the variant's own shader up to one additional
+//! rounding to f16 (tested for all 31 variants, as are lit pictures). Fetches and first choices are composed, too. Times are not: they are measured
+//! with the pipelines of the variants.
 //!
-//! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8 x 8
-//! tile.
+//! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8
+//! x 8 tile.
 
-use bytemuck::{Pod, Zeroable, cast_slice};
+use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::base::error::Result;
 use crate::base::wgsl::Wgsl;
+use crate::display::{self, DisplayUniforms, Exposure};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Recording, ShaderModule};
+use crate::lighting;
 use crate::shading;
 use crate::shared;
+use crate::shared::signal::Signal;
 use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::variant::{Flavour, Variant};
 use crate::view;
@@ -31,8 +36,16 @@ pub struct CompositionStream {
     pub modulated: u32,
     /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
-    /// Pads the struct to a multiple of 16 bytes.
-    pub pad_0: u32,
+    /// 1 = the picture is lit and mapped to the display; 0 = it is linear albedo.
+    pub lit: u32,
+}
+
+impl CompositionStream {
+    /// Returns the same stream with the picture of a signal.
+    #[must_use]
+    pub fn of(self, signal: Signal) -> CompositionStream {
+        CompositionStream { lit: u32::from(signal == Signal::Lit), ..self }
+    }
 }
 
 /// How one picture is composed, and where it is written.
@@ -46,10 +59,11 @@ pub struct Destination<'a> {
     pub offset: u32,
 }
 
-/// Albedo and diagnostics of each flavour, in the order of the flavours' bits in a mask. A clone shares the textures.
+/// G-buffer and diagnostics of each flavour, in the order of the flavours' bits in a mask. A clone shares the textures.
 #[derive(Clone)]
 pub struct Layers {
     albedo: [wgpu::Texture; 5],
+    normal: [wgpu::Texture; 5],
     diagnostics: [wgpu::Texture; 5],
 }
 
@@ -70,6 +84,7 @@ impl Layers {
         };
         Layers {
             albedo: std::array::from_fn(|_| layer("flavour albedo", shading::FORMAT)),
+            normal: std::array::from_fn(|_| layer("flavour normal", shading::FORMAT)),
             diagnostics: std::array::from_fn(|_| layer("flavour diagnostics", wgpu::TextureFormat::R32Uint)),
         }
     }
@@ -80,18 +95,23 @@ impl Layers {
         let pick = |own: &[wgpu::Texture; 5], other: &[wgpu::Texture; 5]| {
             std::array::from_fn(|i| if flavours.has(Flavour::ALL[i]) { other[i].clone() } else { own[i].clone() })
         };
-        Layers { albedo: pick(&self.albedo, &other.albedo), diagnostics: pick(&self.diagnostics, &other.diagnostics) }
+        Layers {
+            albedo: pick(&self.albedo, &other.albedo),
+            normal: pick(&self.normal, &other.normal),
+            diagnostics: pick(&self.diagnostics, &other.diagnostics),
+        }
     }
 
     /// Number of bytes that the layers for a picture of `size` pixels occupy.
     pub fn bytes(size: [u32; 2]) -> u64 {
-        u64::from(size[0]) * u64::from(size[1]) * 5 * (8 + 4)
+        u64::from(size[0]) * u64::from(size[1]) * 5 * (8 + 8 + 4)
     }
 
     /// Records the copy of the shading pass's results into the layer of `flavour`.
     pub fn capture(&self, encoder: &mut wgpu::CommandEncoder, flavour: Flavour, targets: &shading::Targets) {
         let index = flavour.index();
-        for (from, to) in [(&targets.albedo, &self.albedo[index]), (&targets.diagnostics, &self.diagnostics[index])] {
+        let targets = [&targets.albedo, &targets.normal, &targets.diagnostics];
+        for (from, to) in targets.into_iter().zip([&self.albedo[index], &self.normal[index], &self.diagnostics[index]]) {
             encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
         }
     }
@@ -108,7 +128,17 @@ pub struct Composition {
 static WGSL: Wgsl = Wgsl::new(
     "composition/composition.wgsl",
     include_str!("composition.wgsl"),
-    &[&view::WGSL, &shading::diagnostics::WGSL, &shared::FLAVOUR_WEIGHTS, &shared::SIGNAL, &shared::VIEW],
+    &[
+        &view::WGSL,
+        &shading::diagnostics::WGSL,
+        &lighting::LIGHT,
+        &display::ENCODE,
+        &shared::FLAVOUR_WEIGHTS,
+        &shared::OCTAHEDRAL,
+        &shared::SIGNAL,
+        &shared::USABLE,
+        &shared::VIEW,
+    ],
 );
 
 /// The stage's shader module.
@@ -117,7 +147,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("composition", &[&WGSL]);
 impl Stage for Composition {
     const DECLARATION: Declaration = Declaration {
         name: "composition",
-        about: "Reads each flavour's G-buffer; writes the picture of each requested set of flavours, two words per pixel",
+        about: "Reads each flavour's G-buffer; writes the albedo or the lit picture of each requested set of flavours, two words per pixel",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -134,8 +164,9 @@ impl Stage for Composition {
         let mut layers = vec![Binding::Depth, Binding::TextureLoaded(FLAT)];
         layers.extend([Binding::TextureLoaded(FLAT); 5]);
         layers.extend([Binding::TextureUint(FLAT); 5]);
+        layers.extend([Binding::TextureLoaded(FLAT); 5]);
         let layers_layout = gpu.layout("flavour layers", stage, &layers);
-        let stream_layout = gpu.layout("composed stream", stage, &[Binding::Storage, Binding::StorageWritten]);
+        let stream_layout = gpu.layout("composed stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::Uniform]);
         let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("composition"),
@@ -150,29 +181,37 @@ impl Stage for Composition {
 }
 
 impl Composition {
-    /// Returns how the picture of `variant` is composed; `None` = each pixel has the flavours that it needs.
+    /// Returns how the albedo of `variant` is composed; `None` = each pixel has the flavours that it needs.
     pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
-        CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }
+        CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, lit: 0 }
     }
 
-    /// Records the pass, which writes the picture of each stream to its destination. One dispatch composes all streams and reads each layer once; if
+    /// Records the pass, which writes the picture of each stream to its destination. `exposure` says how lit pictures are mapped to the display. One dispatch composes all streams and reads each layer once; if
     /// the pictures do not fit in one buffer binding, there are several dispatches.
-    pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, layers: &Layers, destinations: &[Destination<'_>]) {
+    pub fn encode(
+        &self,
+        rec: &mut Recording<'_>,
+        geometry: &geometry::Targets,
+        layers: &Layers,
+        exposure: Exposure,
+        destinations: &[Destination<'_>],
+    ) {
         let (gpu, frame, encoder) = (rec.gpu, rec.frame(), &mut rec.encoder);
         let depth = aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly);
         let mut views = vec![depth, view(&geometry.normals)];
-        views.extend(layers.albedo.iter().chain(&layers.diagnostics).map(view));
+        views.extend(layers.albedo.iter().chain(&layers.diagnostics).chain(&layers.normal).map(view));
         let resources: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
         let layers_group = gpu.group("flavour layers", &self.layers_layout, &resources);
         let (width, height) = (geometry.mask.width(), geometry.mask.height());
         let picture = u64::from(width) * u64::from(height) * 8;
         let at_once = usize::try_from(gpu.device.limits().max_storage_buffer_binding_size / picture).unwrap_or(1).max(1);
+        let shown = gpu.buffer_with("composed display", wgpu::BufferUsages::UNIFORM, bytes_of(&DisplayUniforms::of(exposure)));
         for part in destinations.chunks(at_once) {
             let streams: Vec<CompositionStream> = part.iter().map(|d| d.stream).collect();
             let list = gpu.buffer_with("composed streams", wgpu::BufferUsages::STORAGE, cast_slice(&streams));
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
             let signal = gpu.buffer("composed", usage, picture * part.len() as u64);
-            let group = gpu.group("composed streams", &self.stream_layout, &[list.as_entire_binding(), signal.as_entire_binding()]);
+            let group = gpu.group("composed streams", &self.stream_layout, &[&list, &signal, &shown].map(|b| b.as_entire_binding()));
             {
                 let mut pass =
                     encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("composition"), timestamp_writes: None });

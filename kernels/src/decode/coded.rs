@@ -69,7 +69,8 @@ mod tests {
             let bytes = file.into_inner();
             let opened = open(Cursor::new(&bytes), format).unwrap_or_else(|fault| panic!("{fault}"));
             assert_eq!((opened.decoder.dimensions(), opened.colours), ((3, 2), Colours::default()), "{format:?}");
-            for length in [0, 10, bytes.len() / 2] {
+            // The header of a PNG has 33 bytes. Its pixels are decoded later.
+            for length in [0, 10, 30] {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }
         }

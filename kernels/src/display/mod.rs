@@ -1,7 +1,7 @@
 //! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never
-//! read the displayed picture.
+//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). The metrics of the lit
+//! picture use the same function (`encode.wgsl`), without the rounding to 8 bits.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
 
@@ -57,16 +57,17 @@ impl ToneCurve {
 
 named!(ToneCurve);
 
-const DISPLAY: Listing = Listing::new("Display", &[Home::Option, Home::Workbench]);
+const DISPLAY: Listing = Listing::new("Display", &[Home::Definition, Home::Option, Home::Workbench]);
 
 table! {
     /// How a picture is shown to people.
     #[derive(Copy)]
     Exposure as "frame", {
-        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Exposure does not affect metrics and OpenEXR files.
+        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. It affects the metrics of the lit picture, but neither
+        /// those of albedo nor OpenEXR files.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
-        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip`, which clips radiance above 1. It does not
-        /// affect metrics and OpenEXR files.
+        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip`, which clips radiance above 1. It affects the
+        /// metrics of the lit picture, but neither those of albedo nor OpenEXR files.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }
 }
@@ -78,13 +79,16 @@ impl Exposure {
     }
 }
 
-static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl"), &[&view::FULL_SCREEN, &shared::USABLE]).with(&[
+/// The mapping from linear radiance to sRGB-encoded values.
+pub static ENCODE: Wgsl = Wgsl::new("display/encode.wgsl", include_str!("encode.wgsl"), &[&shared::USABLE]).with(&[
     ("DISPLAY_REINHARD", Constant::U32(ToneCurve::Reinhard.code())),
     ("DISPLAY_WHITE", Constant::real(WHITE)),
     ("DISPLAY_RED", Constant::real(LUMINANCE[0])),
     ("DISPLAY_GREEN", Constant::real(LUMINANCE[1])),
     ("DISPLAY_BLUE", Constant::real(LUMINANCE[2])),
 ]);
+
+static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl"), &[&ENCODE, &view::FULL_SCREEN]);
 
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("display", &[&WGSL]);
@@ -98,6 +102,14 @@ pub struct DisplayUniforms {
     pub curve: u32,
     pub pad_0: u32,
     pub pad_1: u32,
+}
+
+impl DisplayUniforms {
+    /// The uniforms for an exposure.
+    #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
+    pub fn of(exposure: Exposure) -> DisplayUniforms {
+        DisplayUniforms { exposure: exposure.factor() as f32, curve: exposure.tone_curve.code(), pad_0: 0, pad_1: 0 }
+    }
 }
 
 /// The display pass.
@@ -146,9 +158,8 @@ impl Display {
     }
 
     /// Records the pass.
-    #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
     pub fn encode(&self, rec: &mut Recording<'_>, exposure: Exposure, image: &wgpu::Texture, displayed: &wgpu::Texture) {
-        let uniforms = DisplayUniforms { exposure: exposure.factor() as f32, curve: exposure.tone_curve.code(), pad_0: 0, pad_1: 0 };
+        let uniforms = DisplayUniforms::of(exposure);
         let buffer = rec.gpu.buffer_with("display", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
         let resources = [buffer.as_entire_binding(), wgpu::BindingResource::TextureView(&view(image))];
         let group = rec.gpu.group("display", &self.layout, &resources);

@@ -119,7 +119,7 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         let uniforms = self.uniforms();
         let groups = [&uniforms];
         let mut rec = Recording::new(&self.renderer.gpu, &groups);
-        self.renderer.stages.composition.encode(&mut rec, &self.targets.geometry, layers, destinations);
+        self.renderer.stages.composition.encode(&mut rec, &self.targets.geometry, layers, self.request.stages.display, destinations);
         rec.submit()
     }
 
@@ -138,9 +138,9 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         let destinations: Vec<_> = variants
             .iter()
             .zip(&meter.streams)
-            .map(|(&v, s)| Destination { stream: composition.stream(v), signal: &s.signal, offset: slots.now })
+            .map(|(&v, s)| Destination { stream: composition.stream(v).of(s.track.signal), signal: &s.signal, offset: slots.now })
             .collect();
-        composition.encode(&mut rec, &self.targets.geometry, layers, &destinations);
+        composition.encode(&mut rec, &self.targets.geometry, layers, self.request.stages.display, &destinations);
         meter.encode(gpu, &mut rec.encoder, &mut rec.timer);
         let passes = rec.finish()?;
         let sums = meter.read(gpu)?;

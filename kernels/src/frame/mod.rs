@@ -12,7 +12,7 @@ use crate::culling::{self, Patch};
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
-use crate::metrics::Meter;
+use crate::metrics::{Meter, Track, Viewing};
 use crate::motion::Links;
 use crate::quadtree;
 use crate::residency::Streaming;
@@ -20,7 +20,6 @@ use crate::scene::demands::Demands;
 use crate::scene::{self, Scene};
 use crate::shading::{Kernel, PipelineKey, ShadingPass};
 use crate::stage::{Build, Canvas};
-use crate::temporal::Resolve;
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
@@ -372,12 +371,12 @@ impl<'a> Renderer<'a> {
     }
 
     /// Makes a meter, which measures how the pictures of this renderer change over frames. It follows one stream of pictures for each entry of
-    /// `resolves`.
+    /// `tracks`. `viewing`: how the pictures are looked at, if their errors are to be measured against a reference sequence.
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
-    pub fn meter(&self, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
-        Meter::new(&self.gpu, &self.frame_layout, size, resolves)
+    pub fn meter(&self, size: [u32; 2], tracks: &[Track], viewing: Option<Viewing>) -> Result<Meter> {
+        Meter::new(&self.gpu, &self.frame_layout, size, tracks, viewing)
     }
 
     /// Makes links that follow surface points from one picture of this renderer to the next.

@@ -130,17 +130,11 @@ impl FrameSettings {
         settings::check(settings(), self)
     }
 
-    /// Returns these settings with one difference: settings that an experiment cannot set, such as the exposure, have the values of
-    /// `other`.
+    /// Returns these settings with one difference: exposure and tone curve have the values of `other`. They change how a picture is displayed, not what
+    /// is rendered.
     #[must_use]
     pub fn looked_at_as(mut self, other: &FrameSettings) -> FrameSettings {
-        let measured = |home: &Home| matches!(home, Home::Definition | Home::DefinitionList(_));
-        for setting in settings().filter(|setting| !setting.listing.homes.iter().any(measured)) {
-            if let (Some(value), Some(field)) = (setting.get(other), (setting.field_mut)(&mut self)) {
-                let stored = field.store(&value);
-                debug_assert!(stored.is_ok(), "{stored:?}");
-            }
-        }
+        self.stages.display = other.stages.display;
         self
     }
 

@@ -60,6 +60,7 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
 
 /// Returns the class of a material: 0 = vegetation, 1 = bare rock and rubble, 2 = soil, 3 = snow. Materials of different classes contrast.
 fn kind_of(name: &str) -> u8 {
+    let name = name.to_lowercase();
     let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
     if has(&["snow", "ice"]) {
         3
@@ -310,4 +311,14 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
         hits.iter().flatten().filter(graze).count() as f64 / count - (0.4 - ground).max(0.0)
     };
     best(poses, score).unwrap_or_else(|| fallback(world))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_of_materials_do_not_depend_on_case() {
+        assert_eq!(["Grass 01", "grass_01", "Rock030", "rock030", "Ground054", "SNOW"].map(kind_of), [0, 0, 1, 1, 2, 3]);
+    }
 }

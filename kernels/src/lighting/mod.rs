@@ -29,12 +29,11 @@ pub struct Lighting {
     layout: wgpu::BindGroupLayout,
 }
 
-static WGSL: Wgsl = Wgsl::new(
-    "lighting/lighting.wgsl",
-    include_str!("lighting.wgsl"),
-    &[&view::WGSL, &view::FULL_SCREEN, &shared::BRDF, &shared::OCTAHEDRAL],
-)
-.with(&[("LIGHTING_F0", Constant::real(reference::F0))]);
+/// The radiance of a point of the G-buffer.
+pub static LIGHT: Wgsl = Wgsl::new("lighting/light.wgsl", include_str!("light.wgsl"), &[&view::WGSL, &shared::BRDF, &shared::OCTAHEDRAL])
+    .with(&[("LIGHTING_F0", Constant::real(reference::F0))]);
+
+static WGSL: Wgsl = Wgsl::new("lighting/lighting.wgsl", include_str!("lighting.wgsl"), &[&LIGHT, &view::WGSL, &view::FULL_SCREEN]);
 
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("lighting", &[&WGSL]);

@@ -40,7 +40,10 @@ pub struct Point {
     pub flips: f32,
     /// Mean of [`Sample::error`].
     pub bias: f32,
+    /// Mean absolute change of [`Sample::error`] from one frame to the next.
+    pub residual: f32,
     last: f32,
+    last_error: f32,
     last_choice: u8,
 }
 
@@ -56,6 +59,7 @@ impl Point {
                 mean: now.luminance,
                 bias: now.error,
                 last: now.luminance,
+                last_error: now.error,
                 last_choice: now.choice,
                 ..Point::default()
             };
@@ -76,7 +80,9 @@ impl Point {
             chosen,
             flips: if comparable { p.flips + (flipped - p.flips) / chosen } else { p.flips },
             bias: p.bias + share * (now.error - p.bias),
+            residual: p.residual + share_of_steps * ((now.error - p.last_error).abs() - p.residual),
             last: now.luminance,
+            last_error: now.error,
             last_choice: now.choice,
         }
     }
@@ -97,6 +103,8 @@ pub struct Summary {
     pub flip_rate: Option<f64>,
     /// Mean difference in luminance from the comparison picture; `None` without a comparison.
     pub bias: Option<f64>,
+    /// Mean absolute change, from frame to frame, of the difference in luminance from the comparison picture; `None` without a comparison.
+    pub residual: Option<f64>,
     /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance;
     /// 1 for white noise.
     /// `None` if there is no noise, or no block whose pixels are all terrain.
@@ -169,6 +177,7 @@ impl Followed {
             flicker: mean(|p| p.flicker),
             flip_rate: (chosen > 0.0).then(|| flipped / chosen),
             bias: self.compared.then(|| mean(|p| p.bias)),
+            residual: self.compared.then(|| mean(|p| p.residual)),
             clumping: self.clumping(low, high),
         })
     }
@@ -215,7 +224,8 @@ mod tests {
         let mut followed = Followed::default();
         for frame in 0..64_u8 {
             let luminance = if frame % 2 == 0 { 0.25 } else { 0.75 };
-            let samples = picture(|_| Sample { luminance, choice: 1 + frame % 2, error: luminance - 0.4 });
+            // The error alternates with half the amplitude of the luminance.
+            let samples = picture(|_| Sample { luminance, choice: 1 + frame % 2, error: 0.5 * luminance - 0.15 });
             followed.take(SIZE, &samples, &still(), 64, true);
         }
         let all = followed.summary([0, 0], [20, 15]).expect("terrain");
@@ -223,6 +233,7 @@ mod tests {
         assert!((all.variance - 0.0625).abs() < 1e-6, "{}", all.variance);
         assert!((all.flicker - 0.5).abs() < 1e-6 && all.flip_rate == Some(1.0), "{all:?}");
         assert!((all.bias.expect("compared") - 0.1).abs() < 1e-6, "{:?}", all.bias);
+        assert!((all.residual.expect("compared") - 0.25).abs() < 1e-6, "{:?}", all.residual);
         // All pixels have the same error. Clumping then has its largest possible value, the number of pixels in a block: 25.
         assert!((all.clumping.expect("noise") - 25.0).abs() < 1e-3, "{:?}", all.clumping);
     }

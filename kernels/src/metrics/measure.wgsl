@@ -7,17 +7,29 @@ struct MeasureFrame {
     tiles: vec2<u32>,
     slot: u32,                  // index in `signal` at which the picture of this frame begins
     lags: u32,                  // number of earlier frames, 0..=4
-    quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histogram and lags 2 to 4
-    pad_0: u32,
+    quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histograms and lags 2 to 4
+    referenced: u32,            // number of frames, 0..=5, from this one back, whose reference pictures `reference` holds
     past_slots: vec4<u32>,      // index in `signal` at which the picture of each earlier frame begins
+    memory_slot: u32,           // index in `memory` at which this frame begins
+    memory_before: u32,         // index in `memory` at which the frame before begins
+    adaptation: f32,            // share of a new frame in the remembered error, 0..1; see `measure_remember`
+    pad_0: u32,
 }
 
-// Sums of a tile. A count is at most 64.
+// Sums of a tile. A count is at most 64. A *change* is the luminance of a pixel minus that of the linked pixel, dY, or the same of the reference
+// sequence, dR. The error of a pixel is its luminance minus that of the reference, so dY - dR is the change of the error.
 struct MeasureTile {
-    // For each lag, three counts: linked pixels | linked pixels with a choice in both frames << 8 | pixels whose two choices differ << 16.
+    // For each lag, four counts: linked pixels | linked pixels with a choice in both frames << 8 | pixels whose two choices differ << 16 | linked
+    // pixels whose error is known in both frames << 24.
     links: vec4<u32>,
-    // For each lag: sum of absolute differences in luminance.
+    // For each lag: sum of |dY|.
     differences: vec4<f32>,
+    // For each lag, over the pixels whose error is known in both frames: sums of |dY - dR|, (dY - dR)^2, dY^2, dR^2 and dY dR.
+    residuals: vec4<f32>,
+    residual_squares: vec4<f32>,
+    change_squares: vec4<f32>,
+    reference_squares: vec4<f32>,
+    products: vec4<f32>,
     terrain: u32,
     fetches: u32,
     // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects it if it lies outside the box of the current
@@ -25,6 +37,11 @@ struct MeasureTile {
     rejections: u32,
     // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
     quarter_terrain: u32,
+    // Number of pixels of terrain whose colour is not finite. They are in no other sum.
+    invalid: u32,
+    pad_0: u32,
+    pad_1: u32,
+    pad_2: u32,
 }
 
 // `measure` is a storage buffer and not a uniform buffer, because lavapipe (Mesa's software driver for Vulkan) recompiles a shader for each
@@ -34,8 +51,12 @@ struct MeasureTile {
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> tiles: array<MeasureTile>;
-// Histogram of absolute differences at lag 1: 16 bins per octave; the first bin also holds all differences below 2^-14.
-@group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
+// Two histograms at lag 1: of |dY|, and from MEASURE_BINS on of |dY - dR|. 16 bins per octave; the first bin also holds all values below 2^-14.
+@group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 512>;
+// The pictures of the reference sequence, in the same slots as those of the stream.
+@group(1) @binding(3) var<storage, read> reference: array<vec2<u32>>;
+// What an eye remembers of the error of each surface point, and the number of frames that this comprises; two slots.
+@group(1) @binding(4) var<storage, read_write> memory: array<vec2<f32>>;
 
 // Tolerance of the box test, as a share of the bounds of the box: 2^-10. The history and the bounds are f16 values. Rounding changes each of them by
 // a share of at most 2^-11, and the two errors can add up.
@@ -65,27 +86,89 @@ fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     return any(colour < low * (1.0 - MEASURE_BOX_SLACK)) || any(colour > high * (1.0 + MEASURE_BOX_SLACK));
 }
 
-// Change of a pixel since an earlier frame: its counts, packed as in `MeasureTile.links`; the absolute difference in luminance; the signal of the
-// earlier pixel.
+// Luminance of a pixel in two pictures: that of the stream, and that of the reference sequence.
+struct MeasureSeen {
+    luminance: f32,
+    reference: f32,
+    known: bool,        // whether the reference shows terrain there, so that the error is known
+}
+
+fn measure_seen(stream: vec2<u32>, at: u32, referenced: bool) -> MeasureSeen {
+    var seen = MeasureSeen(signal_luminance(signal_colour(stream)), 0.0, false);
+    if referenced {
+        let truth = reference[at];
+        seen.known = signal_is_terrain(truth);
+        seen.reference = select(0.0, signal_luminance(signal_colour(truth)), seen.known);
+    }
+    return seen;
+}
+
+// Change of a pixel since an earlier frame: its counts, packed as in `MeasureTile.links`; dY and dR; the signal of the earlier pixel.
 struct MeasureChange {
     links: u32,
-    difference: f32,
+    luminance: f32,
+    reference: f32,
     before: vec2<u32>,
 }
 
-fn measure_change(link_at: u32, past_slot: u32, luminance: f32, choice: u32) -> MeasureChange {
+fn measure_change(lag: u32, link_at: u32, past_slot: u32, now: MeasureSeen, choice: u32) -> MeasureChange {
     let link = links[link_at];
     if link == MEASURE_NO_LINK {
-        return MeasureChange(0u, 0.0, vec2<u32>(0u));
+        return MeasureChange(0u, 0.0, 0.0, vec2<u32>(0u));
     }
     let before = signal[past_slot + link];
     if !signal_is_terrain(before) {
-        return MeasureChange(0u, 0.0, vec2<u32>(0u));
+        return MeasureChange(0u, 0.0, 0.0, vec2<u32>(0u));
     }
     let choice_before = signal_choice(before);
     let both = choice != 0u && choice_before != 0u;
-    let counts = 1u + select(0u, 256u, both) + select(0u, 65536u, both && choice != choice_before);
-    return MeasureChange(counts, abs(luminance - signal_luminance(signal_colour(before))), before);
+    let then = measure_seen(before, past_slot + link, measure.referenced > lag);
+    let known = now.known && then.known;
+    let counts = 1u + select(0u, 256u, both) + select(0u, 65536u, both && choice != choice_before) + select(0u, 16777216u, known);
+    return MeasureChange(counts, now.luminance - then.luminance, select(0.0, now.reference - then.reference, known), before);
+}
+
+// The sums of one lag that need the reference: |dY - dR|, (dY - dR)^2, dY^2, dR^2 and dY dR.
+struct MeasureResidual {
+    residual: f32,
+    residual_square: f32,
+    change_square: f32,
+    reference_square: f32,
+    product: f32,
+}
+
+fn measure_residual(sum: MeasureResidual, change: MeasureChange) -> MeasureResidual {
+    if change.links < 16777216u {
+        return sum;
+    }
+    let residual = change.luminance - change.reference;
+    return MeasureResidual(
+        sum.residual + abs(residual),
+        sum.residual_square + residual * residual,
+        sum.change_square + change.luminance * change.luminance,
+        sum.reference_square + change.reference * change.reference,
+        sum.product + change.luminance * change.reference,
+    );
+}
+
+// Updates what an eye that follows the surface remembers of its error: an exponential mean over time. While the point has been visible in only n
+// frames, and 1/n exceeds `adaptation`, it is the mean of these frames. It starts again where there is no link.
+fn measure_remember(at: u32, now: MeasureSeen) {
+    if !now.known {
+        memory[measure.memory_slot + at] = vec2<f32>(0.0);
+        return;
+    }
+    let error = now.luminance - now.reference;
+    var state = vec2<f32>(error, 1.0);
+    if measure.referenced > 1u {
+        let link = links[at];
+        if link != MEASURE_NO_LINK {
+            let before = memory[measure.memory_before + link];
+            let frames = before.y + 1.0;
+            state = vec2<f32>(mix(before.x, error, max(measure.adaptation, 1.0 / frames)), frames);
+        }
+    }
+    memory[measure.memory_slot + at] = state;
 }
 
 @compute @workgroup_size(64)
@@ -97,10 +180,16 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = measure.size.x * measure.size.y;
     let origin = vec2<u32>(tile % measure.tiles.x, tile / measure.tiles.x) * 8u;
     let end = min(origin + 8u, measure.size);
+    let referenced = measure.referenced > 0u;
     // The code of each lag is written out, because sums with a variable index would be kept in memory and not in registers.
     var links_sum = vec4<u32>(0u);
     var differences = vec4<f32>(0.0);
+    var lag_1 = MeasureResidual(0.0, 0.0, 0.0, 0.0, 0.0);
+    var lag_2 = lag_1;
+    var lag_3 = lag_1;
+    var lag_4 = lag_1;
     var terrain = 0u;
+    var invalid = 0u;
     var quarter_terrain = 0u;
     var fetches = 0u;
     var rejections = 0u;
@@ -109,20 +198,27 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             let at = y * measure.size.x + x;
             let now = signal[measure.slot + at];
             if !signal_is_terrain(now) {
+                invalid += select(0u, 1u, signal_is_invalid(now));
+                if referenced {
+                    memory[measure.memory_slot + at] = vec2<f32>(0.0);
+                }
                 continue;
             }
             terrain++;
             fetches += signal_fetches(now);
-            let luminance = signal_luminance(signal_colour(now));
-            let choice = signal_choice(now);
+            let seen = measure_seen(now, measure.slot + at, referenced);
+            if referenced {
+                measure_remember(at, seen);
+            }
             if measure.lags > 0u {
-                let change = measure_change(at, measure.past_slots.x, luminance, choice);
+                let change = measure_change(1u, at, measure.past_slots.x, seen, signal_choice(now));
                 links_sum.x += change.links;
-                differences.x += change.difference;
+                differences.x += abs(change.luminance);
+                lag_1 = measure_residual(lag_1, change);
             }
         }
     }
-    // Box test, histogram and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own, because a
+    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own, because a
     // processor that runs its lanes in lockstep would pay for a branch in the loop above at all pixels.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
@@ -136,31 +232,53 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
                 continue;
             }
             quarter_terrain++;
-            let luminance = signal_luminance(signal_colour(now));
+            let seen = measure_seen(now, measure.slot + at, referenced);
             let choice = signal_choice(now);
             if measure.lags > 0u {
-                let change = measure_change(at, measure.past_slots.x, luminance, choice);
+                let change = measure_change(1u, at, measure.past_slots.x, seen, choice);
                 if change.links != 0u {
                     rejections += 1u + select(0u, 256u, measure_outside_box(signal_colour(change.before), vec2<u32>(x, y)));
-                    atomicAdd(&histogram[measure_bin(change.difference)], 1u);
+                    atomicAdd(&histogram[measure_bin(abs(change.luminance))], 1u);
+                }
+                if change.links >= 16777216u {
+                    atomicAdd(&histogram[u32(MEASURE_BINS) + measure_bin(abs(change.luminance - change.reference))], 1u);
                 }
             }
             if measure.lags > 1u {
-                let change = measure_change(count + at, measure.past_slots.y, luminance, choice);
+                let change = measure_change(2u, count + at, measure.past_slots.y, seen, choice);
                 links_sum.y += change.links;
-                differences.y += change.difference;
+                differences.y += abs(change.luminance);
+                lag_2 = measure_residual(lag_2, change);
             }
             if measure.lags > 2u {
-                let change = measure_change(2u * count + at, measure.past_slots.z, luminance, choice);
+                let change = measure_change(3u, 2u * count + at, measure.past_slots.z, seen, choice);
                 links_sum.z += change.links;
-                differences.z += change.difference;
+                differences.z += abs(change.luminance);
+                lag_3 = measure_residual(lag_3, change);
             }
             if measure.lags > 3u {
-                let change = measure_change(3u * count + at, measure.past_slots.w, luminance, choice);
+                let change = measure_change(4u, 3u * count + at, measure.past_slots.w, seen, choice);
                 links_sum.w += change.links;
-                differences.w += change.difference;
+                differences.w += abs(change.luminance);
+                lag_4 = measure_residual(lag_4, change);
             }
         }
     }
-    tiles[tile] = MeasureTile(links_sum, differences, terrain, fetches, rejections, quarter_terrain);
+    tiles[tile] = MeasureTile(
+        links_sum,
+        differences,
+        vec4<f32>(lag_1.residual, lag_2.residual, lag_3.residual, lag_4.residual),
+        vec4<f32>(lag_1.residual_square, lag_2.residual_square, lag_3.residual_square, lag_4.residual_square),
+        vec4<f32>(lag_1.change_square, lag_2.change_square, lag_3.change_square, lag_4.change_square),
+        vec4<f32>(lag_1.reference_square, lag_2.reference_square, lag_3.reference_square, lag_4.reference_square),
+        vec4<f32>(lag_1.product, lag_2.product, lag_3.product, lag_4.product),
+        terrain,
+        fetches,
+        rejections,
+        quarter_terrain,
+        invalid,
+        0u,
+        0u,
+        0u,
+    );
 }

@@ -1,9 +1,13 @@
 //! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
-//! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time. A ring buffer holds its last five pictures, two words per
-//! pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed the same surface point one frame earlier. It also
-//! links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then the current picture of each stream is compared
-//! with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow with the number of frames.
+//! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
+//! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed
+//! the same surface point one frame earlier. It also links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then
+//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow
+//! with the number of frames.
+//!
+//! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change,
+//! and it keeps what an eye remembers of the stream's error ([`Meter::memory`], [`perceived`]).
 //!
 //! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
 
@@ -17,16 +21,19 @@ use crate::gpu::{Gpu, ShaderModule, Timer, read_buffer};
 use crate::motion::NO_LINK;
 use crate::motion::{LAGS, Motion, SLOTS, Slots};
 use crate::shared;
+use crate::shared::signal::Signal;
 use crate::temporal::{Resolve, Temporal};
 
 mod follow;
+pub mod perceived;
 pub mod reference;
 mod seeds;
 
 pub use follow::{Followed, Point, Sample, Summary};
-pub use seeds::{BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums};
+pub use perceived::Viewing;
+pub use seeds::{AREA, AreaSums, BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, areas};
 
-/// Number of bins in the histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.
+/// Number of bins in a histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.
 pub const BINS: usize = 256;
 const LOWEST_OCTAVE: f64 = -14.0;
 const BINS_PER_OCTAVE: f64 = 16.0;
@@ -41,8 +48,12 @@ pub struct MeasureFrame {
     pub slot: u32,
     pub lags: u32,
     pub quarter: u32,
-    pub pad_0: u32,
+    pub referenced: u32,
     pub past_slots: [u32; LAGS],
+    pub memory_slot: u32,
+    pub memory_before: u32,
+    pub adaptation: f32,
+    pub pad_0: u32,
 }
 
 /// The sums of one tile; the layout matches `MeasureTile` in `measure.wgsl`.
@@ -52,10 +63,19 @@ pub struct MeasureFrame {
 pub struct MeasureTile {
     pub links: [u32; LAGS],
     pub differences: [f32; LAGS],
+    pub residuals: [f32; LAGS],
+    pub residual_squares: [f32; LAGS],
+    pub change_squares: [f32; LAGS],
+    pub reference_squares: [f32; LAGS],
+    pub products: [f32; LAGS],
     pub terrain: u32,
     pub fetches: u32,
     pub rejections: u32,
     pub quarter_terrain: u32,
+    pub invalid: u32,
+    pub pad_0: u32,
+    pub pad_1: u32,
+    pub pad_2: u32,
 }
 
 /// Sums of one lag in one frame.
@@ -72,13 +92,93 @@ pub struct LagSums {
     pub flipped: u64,
     /// Sum over linked pixels of the absolute difference in luminance.
     pub difference: f64,
+    /// Comparison with the changes of the reference sequence.
+    pub residual: Residual,
+}
+
+/// Comparison of the changes of a stream with the changes of the reference sequence, as sums over pixels. A change is the luminance of a pixel minus
+/// that of the linked pixel: dY in the stream, dR in the reference. dY - dR is then the change of the stream's error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Residual {
+    /// Number of linked pixels whose reference is known in both frames.
+    pub compared: u64,
+    /// Sum of |dY - dR|.
+    pub sum: f64,
+    /// Sum of (dY - dR)².
+    pub square: f64,
+    /// Sum of dY².
+    pub change_square: f64,
+    /// Sum of dR².
+    pub reference_square: f64,
+    /// Sum of dY dR.
+    pub product: f64,
+}
+
+impl Residual {
+    /// Adds the sums of other pixels.
+    pub fn add(&mut self, other: &Residual) {
+        self.compared += other.compared;
+        self.sum += other.sum;
+        self.square += other.square;
+        self.change_square += other.change_square;
+        self.reference_square += other.reference_square;
+        self.product += other.product;
+    }
+
+    /// Returns these sums without those of some of the pixels.
+    #[must_use]
+    pub fn without(&self, other: &Residual) -> Residual {
+        Residual {
+            compared: self.compared - other.compared,
+            sum: self.sum - other.sum,
+            square: self.square - other.square,
+            change_square: self.change_square - other.change_square,
+            reference_square: self.reference_square - other.reference_square,
+            product: self.product - other.product,
+        }
+    }
+
+    /// Mean of |dY - dR|; `None` without compared pixels. It is 0 if and only if the error moves with the surface.
+    pub fn mean(&self) -> Option<f64> {
+        self.per_pixel(self.sum)
+    }
+
+    /// Root mean square of dY - dR; `None` without compared pixels.
+    pub fn rms(&self) -> Option<f64> {
+        self.per_pixel(self.square).map(f64::sqrt)
+    }
+
+    /// The share of the reference's changes that the stream has: the g that minimises the squares of dY - g dR. It is 1 if the reference does not
+    /// change, because then the stream can lose nothing.
+    pub fn gain(&self) -> f64 {
+        if self.reference_square > 0.0 { self.product / self.reference_square } else { 1.0 }
+    }
+
+    /// Change that the reference does not have, such as noise: the root mean square of dY - g dR, with g = [`Residual::gain`]. `None` without
+    /// compared pixels.
+    pub fn added(&self) -> Option<f64> {
+        let explained = if self.reference_square > 0.0 { self.product * self.product / self.reference_square } else { 0.0 };
+        self.per_pixel((self.change_square - explained).max(0.0)).map(f64::sqrt)
+    }
+
+    /// Change that the reference has and the stream has not, such as blur: (1 - g) times the root mean square of dR. Below 0 if the stream exaggerates
+    /// the changes of the reference. `None` without compared pixels.
+    pub fn lost(&self) -> Option<f64> {
+        self.per_pixel(self.reference_square).map(|square| (1.0 - self.gain()) * square.sqrt())
+    }
+
+    fn per_pixel(&self, sum: f64) -> Option<f64> {
+        (self.compared > 0).then(|| sum / self.compared as f64)
+    }
 }
 
 /// Sums of one frame of one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameSums {
-    /// Number of terrain pixels.
+    /// Number of terrain pixels whose colour is finite. All other sums are over these pixels.
     pub terrain: u64,
+    /// Number of terrain pixels whose colour is not finite.
+    pub invalid: u64,
     /// Number of fetches of all terrain pixels.
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
@@ -91,30 +191,50 @@ pub struct FrameSums {
     pub rejected: u64,
     /// Histogram, over the tested pixels, of the absolute difference in luminance at lag 1.
     pub histogram: [u32; BINS],
+    /// Histogram of |dY - dR| at lag 1 (see [`Residual`]), over the tested pixels whose reference is known in both frames.
+    pub residual_histogram: [u32; BINS],
 }
 
 impl Default for FrameSums {
     fn default() -> Self {
-        FrameSums { terrain: 0, fetches: 0, lags: [LagSums::default(); LAGS], tested: 0, rejected: 0, histogram: [0; BINS] }
+        FrameSums {
+            terrain: 0,
+            invalid: 0,
+            fetches: 0,
+            lags: [LagSums::default(); LAGS],
+            tested: 0,
+            rejected: 0,
+            histogram: [0; BINS],
+            residual_histogram: [0; BINS],
+        }
     }
 }
 
 impl FrameSums {
-    fn of(tiles: &[MeasureTile], histogram: [u32; BINS]) -> FrameSums {
-        let mut sums = FrameSums { histogram, ..FrameSums::default() };
+    fn of(tiles: &[MeasureTile], histograms: &[u32]) -> FrameSums {
+        let bins = |from: usize| std::array::from_fn(|i| histograms.get(from + i).copied().unwrap_or(0));
+        let mut sums = FrameSums { histogram: bins(0), residual_histogram: bins(BINS), ..FrameSums::default() };
         for tile in tiles {
             sums.terrain += u64::from(tile.terrain);
+            sums.invalid += u64::from(tile.invalid);
             sums.fetches += u64::from(tile.fetches);
             sums.tested += u64::from(tile.rejections & 255);
             sums.rejected += u64::from(tile.rejections >> 8);
             for (i, lag) in sums.lags.iter_mut().enumerate() {
+                let word = tile.links[i];
                 lag.terrain += u64::from(if i == 0 { tile.terrain } else { tile.quarter_terrain });
-            }
-            for ((lag, &word), &difference) in sums.lags.iter_mut().zip(&tile.links).zip(&tile.differences) {
                 lag.linked += u64::from(word & 255);
                 lag.chosen += u64::from(word >> 8 & 255);
-                lag.flipped += u64::from(word >> 16);
-                lag.difference += f64::from(difference);
+                lag.flipped += u64::from(word >> 16 & 255);
+                lag.difference += f64::from(tile.differences[i]);
+                lag.residual.add(&Residual {
+                    compared: u64::from(word >> 24),
+                    sum: tile.residuals[i].into(),
+                    square: tile.residual_squares[i].into(),
+                    change_square: tile.change_squares[i].into(),
+                    reference_square: tile.reference_squares[i].into(),
+                    product: tile.products[i].into(),
+                });
             }
         }
         sums
@@ -142,16 +262,27 @@ pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     None
 }
 
-/// A way to shade, followed over time.
+/// What a stream consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Track {
+    /// The quantity that the colours of the pictures stand for.
+    pub signal: Signal,
+    /// The resolve that is applied to the shaded pictures before they are measured.
+    pub resolve: Resolve,
+}
+
+/// The pictures of one way to shade, followed over time.
 pub struct Stream {
     /// The ring of shaded pictures, before any resolve.
     pub signal: wgpu::Buffer,
-    /// The resolve that is applied to the shaded pictures before they are measured.
-    pub resolve: Resolve,
+    /// What the pictures are.
+    pub track: Track,
     /// The ring of resolved pictures, and a buffer with two histories of the resolve; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
     tiles: wgpu::Buffer,
     histogram: wgpu::Buffer,
+    /// What an eye remembers of the error of each surface point, in two slots; empty without a reference.
+    memory: wgpu::Buffer,
 }
 
 impl Stream {
@@ -170,8 +301,15 @@ pub struct Meter {
     /// Links between frames.
     pub motion: Motion,
     temporal: Option<Temporal>,
-    /// The streams, in the order of the resolves that were given to `Meter::new`.
+    /// The streams, in the order of the tracks that were given to `Meter::new`.
     pub streams: Vec<Stream>,
+    /// For each signal, the ring of the pictures of the reference sequence.
+    references: [wgpu::Buffer; 2],
+    /// For each signal, the number of frames before this one, without a gap, whose reference pictures were written.
+    referenced: [u32; 2],
+    /// For each signal, whether the reference picture of this frame was written.
+    written: [bool; 2],
+    adaptation: f32,
     index: u32,
 }
 
@@ -186,14 +324,23 @@ static WGSL: Wgsl = Wgsl::new("metrics/measure.wgsl", include_str!("measure.wgsl
 pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
-    /// Compiles the passes and allocates one stream for each entry of `resolves`.
+    /// Compiles the passes and allocates one stream for each entry of `tracks`. `viewing`: how the pictures are looked at, if their errors are to be
+    /// measured against a reference sequence. The pictures of that sequence must then be written in each frame ([`Meter::write_reference`]).
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
-    pub fn new(gpu: &Gpu, frame_uniforms: &wgpu::BindGroupLayout, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
+    #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
+    pub fn new(
+        gpu: &Gpu,
+        frame_uniforms: &wgpu::BindGroupLayout,
+        size: [u32; 2],
+        tracks: &[Track],
+        viewing: Option<Viewing>,
+    ) -> Result<Meter> {
         let stage = wgpu::ShaderStages::COMPUTE;
         let frame_layout = gpu.layout("measured frame", stage, &[Binding::Storage, Binding::Storage]);
-        let stream_layout = gpu.layout("measured stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
+        let (read, written) = (Binding::Storage, Binding::StorageWritten);
+        let stream_layout = gpu.layout("measured stream", stage, &[read, written, written, read, written]);
         let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("measure"),
@@ -207,20 +354,42 @@ impl Meter {
         let [columns, rows] = classification::tiles(size);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let ring = |label| gpu.buffer(label, usage, pixels * u64::from(SLOTS) * 8);
-        let streams = resolves
+        // A binding cannot be empty. What needs a reference has one element where there is none; the shader then does not access it.
+        let of_error = |bytes: u64| if viewing.is_some() { bytes } else { 8 };
+        let streams = tracks
             .iter()
-            .map(|&resolve| Stream {
+            .map(|&track| Stream {
                 signal: ring("signal"),
-                resolve,
-                resolved: (resolve != Resolve::Off).then(|| [ring("resolved"), gpu.buffer("history", usage, pixels * 2 * 16)]),
+                track,
+                resolved: (track.resolve != Resolve::Off).then(|| [ring("resolved"), gpu.buffer("history", usage, pixels * 2 * 16)]),
                 tiles: gpu.buffer("measured tiles", usage, u64::from(columns * rows) * size_of::<MeasureTile>() as u64),
-                histogram: gpu.buffer("differences", usage, BINS as u64 * 4),
+                histogram: gpu.buffer("differences", usage, 2 * BINS as u64 * 4),
+                memory: gpu.buffer("remembered errors", usage, of_error(pixels * 2 * 8)),
             })
             .collect();
-        let temporal = if resolves.iter().any(|&r| r != Resolve::Off) { Some(Temporal::new(gpu)?) } else { None };
+        let needs_reference = |signal| tracks.iter().any(|track| track.signal == signal);
+        let references = Signal::ALL.map(|signal| {
+            let bytes = if needs_reference(signal) { of_error(pixels * u64::from(SLOTS) * 8) } else { 8 };
+            gpu.buffer("reference pictures", usage, bytes)
+        });
+        let temporal = if tracks.iter().any(|track| track.resolve != Resolve::Off) { Some(Temporal::new(gpu)?) } else { None };
         let motion = Motion::new(gpu, frame_uniforms, size)?;
+        let adaptation = viewing.map_or(1.0, |viewing| viewing.adaptation()) as f32;
         gpu.check()?;
-        Ok(Meter { size, pipeline, frame_layout, stream_layout, motion, temporal, streams, index: 0 })
+        Ok(Meter {
+            size,
+            pipeline,
+            frame_layout,
+            stream_layout,
+            motion,
+            temporal,
+            streams,
+            references,
+            referenced: [0; 2],
+            written: [false; 2],
+            adaptation,
+            index: 0,
+        })
     }
 
     /// Offsets in the rings: of the pictures of this frame, and of the pictures of the earlier frames.
@@ -240,31 +409,49 @@ impl Meter {
         if let Some(temporal) = &self.temporal {
             for stream in &self.streams {
                 if let Some(buffers) = &stream.resolved {
-                    temporal.encode(gpu, encoder, stream.resolve, self.size, self.index, &slots, &self.motion, &stream.signal, buffers);
+                    temporal.encode(
+                        gpu,
+                        encoder,
+                        stream.track.resolve,
+                        self.size,
+                        self.index,
+                        &slots,
+                        &self.motion,
+                        &stream.signal,
+                        buffers,
+                    );
                 }
             }
         }
         let [columns, rows] = classification::tiles(self.size);
-        let uniform = MeasureFrame {
-            size: self.size,
-            tiles: [columns, rows],
-            slot: slots.now,
-            lags,
-            quarter: slots.quarter,
-            pad_0: 0,
-            past_slots: slots.past,
-        };
-        let buffer = gpu.buffer_with("measured frame", wgpu::BufferUsages::STORAGE, bytes_of(&uniform));
-        let frame = gpu.group("measured frame", &self.frame_layout, &[&buffer, &self.motion.links].map(|b| b.as_entire_binding()));
+        let [memory_slot, memory_before] = self.memory_slots();
+        let frames = Signal::ALL.map(|signal| {
+            let uniform = MeasureFrame {
+                size: self.size,
+                tiles: [columns, rows],
+                slot: slots.now,
+                lags,
+                quarter: slots.quarter,
+                referenced: if self.written[signal as usize] { (self.referenced[signal as usize] + 1).min(SLOTS) } else { 0 },
+                past_slots: slots.past,
+                memory_slot,
+                memory_before,
+                adaptation: self.adaptation,
+                pad_0: 0,
+            };
+            let buffer = gpu.buffer_with("measured frame", wgpu::BufferUsages::STORAGE, bytes_of(&uniform));
+            gpu.group("measured frame", &self.frame_layout, &[&buffer, &self.motion.links].map(|b| b.as_entire_binding()))
+        });
         for stream in &self.streams {
             encoder.clear_buffer(&stream.histogram, 0, None);
         }
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("measure"), timestamp_writes: timer.compute("measure") });
         pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &frame, &[]);
         for stream in &self.streams {
-            let buffers = [stream.measured(), &stream.tiles, &stream.histogram];
+            let signal = stream.track.signal as usize;
+            pass.set_bind_group(0, &frames[signal], &[]);
+            let buffers = [stream.measured(), &stream.tiles, &stream.histogram, &self.references[signal], &stream.memory];
             pass.set_bind_group(1, &gpu.group("measured stream", &self.stream_layout, &buffers.map(|b| b.as_entire_binding())), &[]);
             pass.dispatch_workgroups((columns * rows).div_ceil(64), 1, 1);
         }
@@ -293,14 +480,56 @@ impl Meter {
         let mut sums = Vec::with_capacity(self.streams.len());
         for stream in &self.streams {
             let (tiles, rest) = left.split_at(usize::try_from(stream.tiles.size()).unwrap_or(0));
-            let (bins, rest) = rest.split_at(BINS * 4);
+            let (bins, rest) = rest.split_at(2 * BINS * 4);
             left = rest;
             let tiles: Vec<MeasureTile> = bytemuck::pod_collect_to_vec(tiles);
             let bins: Vec<u32> = bytemuck::pod_collect_to_vec(bins);
-            sums.push(FrameSums::of(&tiles, std::array::from_fn(|i| bins[i])));
+            sums.push(FrameSums::of(&tiles, &bins));
         }
         self.index += 1;
+        for (referenced, written) in self.referenced.iter_mut().zip(&mut self.written) {
+            *referenced = if std::mem::take(written) { *referenced + 1 } else { 0 };
+        }
         Ok(sums)
+    }
+
+    /// Offsets of this frame and of the frame before in the buffers of remembered errors, pixels.
+    fn memory_slots(&self) -> [u32; 2] {
+        [self.index, self.index + 1].map(|index| index % 2 * self.size[0] * self.size[1])
+    }
+
+    /// Writes the picture of the reference sequence for this frame and a signal. Without this call, the frame has no residuals for the signal, and
+    /// neither has the next frame.
+    pub fn write_reference(&mut self, gpu: &Gpu, signal: Signal, picture: &[[u32; 2]]) {
+        gpu.queue.write_buffer(&self.references[signal as usize], u64::from(self.slots().now) * 8, cast_slice(picture));
+        self.written[signal as usize] = true;
+    }
+
+    /// Returns a picture of the reference sequence. `back`: the number of frames, 0 to 4, by which it precedes the last measured one. Must only be
+    /// called for frames whose reference picture was written.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn reference(&self, gpu: &Gpu, signal: Signal, back: u32) -> Result<Vec<[u32; 2]>> {
+        let pixels = self.size[0] * self.size[1];
+        let slot = Slots::of(self.index + SLOTS - 1 - back, pixels).now;
+        read_signal(gpu, &self.references[signal as usize], slot, pixels)
+    }
+
+    /// Returns what an eye remembers of the error of each pixel's surface point, in the last measured frame of a stream: the remembered error, and the
+    /// number of frames that it comprises; 0 = there is no terrain or no reference. Row by row from the top; empty if the meter measures no errors.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn memory(&self, gpu: &Gpu, stream: usize) -> Result<Vec<[f32; 2]>> {
+        let pixels = self.size[0] * self.size[1];
+        if self.streams[stream].memory.size() < u64::from(pixels) * 2 * 8 {
+            return Ok(Vec::new());
+        }
+        // The index has already advanced to the next frame.
+        let [_, last] = self.memory_slots();
+        let words = read_signal(gpu, &self.streams[stream].memory, last, pixels)?;
+        Ok(words.into_iter().map(|words| words.map(f32::from_bits)).collect())
     }
 
     /// Returns a measured picture of a stream, as signals. `back`: the number of frames, 0 to 4, by which the picture precedes the last measured one.
@@ -328,6 +557,8 @@ impl Meter {
     /// Begins a new sequence.
     pub fn restart(&mut self) {
         self.index = 0;
+        self.referenced = [0; 2];
+        self.written = [false; 2];
         self.motion.restart();
     }
 }

@@ -1,43 +1,77 @@
 //! The sums of one frame in f64: the reference for `measure.wgsl` and `seeds.wgsl`.
 
-use super::{BINS, BINS_PER_OCTAVE, FrameSums, LOWEST_OCTAVE, SeedSums, VarianceSums};
+use super::{AREA, AreaSums, BINS, BINS_PER_OCTAVE, FrameSums, LOWEST_OCTAVE, Residual, SeedSums, VarianceSums, areas};
 use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
-/// Returns the sums of a frame, for pictures of `size` pixels. `past` has one entry per lag, from lag 1 on: the earlier picture, and the links from
-/// `now` to it. Lags 2 to 4, the box tests and the histogram include only the pixels of `quarter`.
-pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
-    let mut sums = FrameSums::default();
+fn luminance(signal: [u32; 2]) -> f64 {
+    signal::luminance(signal::colour(signal))
+}
+
+/// The bin of a histogram that counts this difference.
+fn bin(difference: f64) -> usize {
+    ((difference.log2() - LOWEST_OCTAVE) * BINS_PER_OCTAVE).floor().clamp(0.0, BINS as f64 - 1.0) as usize
+}
+
+/// An earlier frame, with which a picture is compared.
+#[derive(Clone, Copy)]
+pub struct Earlier<'a> {
+    /// The earlier picture of the stream.
+    pub picture: &'a [[u32; 2]],
+    /// The picture of the reference sequence in that frame; `None` = not known.
+    pub reference: Option<&'a [[u32; 2]]>,
+    /// For each pixel, the linked pixel of the earlier picture.
+    pub links: &'a [u32],
+}
+
+/// Returns the sums of a frame, for pictures of `size` pixels. `reference` is the picture of the reference sequence, if it is known. `past` has one
+/// entry per lag, from lag 1 on. Lags 2 to 4, the box tests and the histograms include only the pixels of `quarter`.
+pub fn measure(size: [u32; 2], now: &[[u32; 2]], reference: Option<&[[u32; 2]]>, past: &[Earlier<'_>], quarter: u32) -> FrameSums {
+    let mut sums = FrameSums { invalid: now.iter().filter(|s| signal::is_invalid(**s)).count() as u64, ..FrameSums::default() };
     let [width, height] = size.map(|n| n as usize);
+    let known = |picture: Option<&[[u32; 2]]>, at: usize| picture.map(|p| p[at]).filter(|s| signal::is_terrain(*s)).map(luminance);
     for (at, &signal_now) in now.iter().enumerate().filter(|(_, s)| signal::is_terrain(**s)) {
         sums.terrain += 1;
         sums.fetches += u64::from(signal::fetches(signal_now));
         let (x, y) = (at % width, at / width);
         let in_quarter = motion::in_quarter([x as u32, y as u32], quarter);
-        for (lag, (picture, links)) in past.iter().enumerate().take(LAGS) {
+        for (lag, past) in past.iter().enumerate().take(LAGS) {
             if lag > 0 && !in_quarter {
                 continue;
             }
             sums.lags[lag].terrain += 1;
-            let link = links[at];
-            if link == NO_LINK || !signal::is_terrain(picture[link as usize]) {
+            let link = past.links[at];
+            if link == NO_LINK || !signal::is_terrain(past.picture[link as usize]) {
                 continue;
             }
-            let before = picture[link as usize];
-            let (colour_now, colour_before) = (signal::colour(signal_now), signal::colour(before));
+            let before = past.picture[link as usize];
+            let colour_before = signal::colour(before);
+            let change = luminance(signal_now) - luminance(before);
             let lag_sums = &mut sums.lags[lag];
             lag_sums.linked += 1;
-            lag_sums.difference += (signal::luminance(colour_now) - signal::luminance(colour_before)).abs();
+            lag_sums.difference += change.abs();
             let (choice_now, choice_before) = (signal::choice(signal_now), signal::choice(before));
             if choice_now != 0 && choice_before != 0 {
                 lag_sums.chosen += 1;
                 lag_sums.flipped += u64::from(choice_now != choice_before);
             }
+            let of_reference = known(reference, at).zip(known(past.reference, link as usize)).map(|(now, before)| now - before);
+            if let Some(of_reference) = of_reference {
+                lag_sums.residual.add(&Residual {
+                    compared: 1,
+                    sum: (change - of_reference).abs(),
+                    square: (change - of_reference).powi(2),
+                    change_square: change * change,
+                    reference_square: of_reference * of_reference,
+                    product: change * of_reference,
+                });
+            }
             if lag == 0 && in_quarter {
                 sums.tested += 1;
-                let difference = (signal::luminance(colour_now) - signal::luminance(colour_before)).abs();
-                let bin = ((difference.log2() - LOWEST_OCTAVE) * BINS_PER_OCTAVE).floor().clamp(0.0, BINS as f64 - 1.0);
-                sums.histogram[bin as usize] += 1;
+                sums.histogram[bin(change.abs())] += 1;
+                if let Some(of_reference) = of_reference {
+                    sums.residual_histogram[bin((change - of_reference).abs())] += 1;
+                }
                 let mut low = [f32::MAX; 3];
                 let mut high = [f32::MIN; 3];
                 for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
@@ -59,18 +93,39 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])],
     sums
 }
 
+/// Returns what an eye remembers of the error of each pixel, and the number of frames that this comprises. `before` is what it remembered in the frame
+/// before, if there is one, and `links` lead to that frame. `adaptation`: see `Viewing::adaptation`.
+pub fn remember(now: &[[u32; 2]], reference: &[[u32; 2]], before: Option<&[[f64; 2]]>, links: &[u32], adaptation: f64) -> Vec<[f64; 2]> {
+    let pixel = |at: usize| {
+        if !signal::is_terrain(now[at]) || !signal::is_terrain(reference[at]) {
+            return [0.0; 2];
+        }
+        let error = luminance(now[at]) - luminance(reference[at]);
+        match before.filter(|_| links[at] != NO_LINK).map(|before| before[links[at] as usize]) {
+            Some([mean, frames]) => [mean + (error - mean) * adaptation.max(1.0 / (frames + 1.0)), frames + 1.0],
+            None => [error, 1.0],
+        }
+    };
+    (0..now.len()).map(pixel).collect()
+}
+
 /// Compares the picture of one seed with the exact blend. Returns the sums that `seeds_add` and `seeds_blocks` compute.
 pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]) -> SeedSums {
-    let mut sums = SeedSums::default();
+    let [across, down] = areas(size).map(|n| n as usize);
+    let mut sums = SeedSums { areas: vec![AreaSums::default(); across * down], ..SeedSums::default() };
     let [width, height] = size.map(|n| n as usize);
-    let block = block as usize;
-    for (&now, &exact) in picture.iter().zip(exact).filter(|(now, _)| signal::is_terrain(**now)) {
+    let (block, edge) = (block as usize, AREA as usize);
+    for (at, (&now, &exact)) in picture.iter().zip(exact).enumerate().filter(|(_, (now, _))| signal::is_terrain(**now)) {
         let (a, b) = (signal::colour(now), signal::colour(exact));
+        let area = &mut sums.areas[at / width / edge * across + at % width / edge];
         for k in 0..3 {
             let d = f64::from(a[k]) - f64::from(b[k]);
+            area.error += d;
+            area.squared_error += d * d;
             sums.error += d;
             sums.squared_error += d * d;
         }
+        area.terrain += 1.0;
         sums.terrain += 1.0;
     }
     for by in 0..height / block {

@@ -11,6 +11,8 @@ use crate::shared;
 
 /// Edge of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
+/// Edge of the areas for which sums of single seeds are kept, pixels. The device adds up tiles; an area consists of two by two of them.
+pub const AREA: u32 = 2 * classification::TILE;
 
 /// The uniforms of the passes; the layout matches `SeedFrame` in `seeds.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
@@ -28,8 +30,24 @@ pub struct SeedFrame {
     pub pad_2: u32,
 }
 
-/// Sums of one seed, in one stream.
+/// Returns the number of columns and rows of areas that cover a picture. Areas at the right and lower edge may be smaller than the others.
+pub fn areas(size: [u32; 2]) -> [u32; 2] {
+    size.map(|n| n.div_ceil(AREA))
+}
+
+/// Sums of one seed over one area, in one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AreaSums {
+    /// Number of terrain pixels.
+    pub terrain: f64,
+    /// Sum over pixels and channels of the difference from the exact blend.
+    pub error: f64,
+    /// Sum over pixels and channels of the square of this difference.
+    pub squared_error: f64,
+}
+
+/// Sums of one seed, in one stream.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SeedSums {
     /// Number of terrain pixels.
     pub terrain: f64,
@@ -43,6 +61,8 @@ pub struct SeedSums {
     pub block_squares: f64,
     /// Sum over blocks of the mean square of the error in luminance.
     pub pixel_squares: f64,
+    /// Sums over the areas of the picture, row by row; see [`areas`].
+    pub areas: Vec<AreaSums>,
 }
 
 impl SeedSums {
@@ -174,14 +194,21 @@ impl Seeds {
             Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, buffer, buffer.size())?))
         };
         let [across, down] = self.blocks();
+        let columns = classification::tiles(self.size)[0] as usize;
+        let [areas_across, areas_down] = areas(self.size).map(|n| n as usize);
         streams
             .iter()
             .map(|stream| {
-                let mut sums = SeedSums::default();
-                for [error, squared, pixels, _] in quads(&stream.tiles)? {
-                    sums.error += f64::from(error);
-                    sums.squared_error += f64::from(squared);
-                    sums.terrain += f64::from(pixels);
+                let mut sums = SeedSums { areas: vec![AreaSums::default(); areas_across * areas_down], ..SeedSums::default() };
+                for (tile, [error, squared, pixels, _]) in quads(&stream.tiles)?.into_iter().enumerate() {
+                    let [error, squared, pixels] = [error, squared, pixels].map(f64::from);
+                    sums.error += error;
+                    sums.squared_error += squared;
+                    sums.terrain += pixels;
+                    let area = &mut sums.areas[tile / columns / 2 * areas_across + tile % columns / 2];
+                    area.error += error;
+                    area.squared_error += squared;
+                    area.terrain += pixels;
                 }
                 for [mean_squared, squared, whole, _] in quads(&stream.blocks)?.into_iter().take((across * down) as usize) {
                     sums.block_squares += f64::from(mean_squared);

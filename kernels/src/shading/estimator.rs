@@ -146,6 +146,21 @@ impl Estimator {
         }
     }
 
+    /// Returns the reason why the mean of this estimator's pictures over seeds differs from the picture of [`Estimator::Exact`] by design. `None` if the
+    /// two are equal.
+    pub const fn bias(self) -> Option<&'static str> {
+        match self {
+            Estimator::Fc5 | Estimator::Exact => None,
+            Estimator::Variance => Some("it is a variance and not a blend"),
+            Estimator::Biplanar | Estimator::BiplanarMean => Some("it leaves out one of three projections"),
+            Estimator::Hex | Estimator::HexMean => Some("hex tiling reduces contrast and replaces the second tiling scale"),
+            Estimator::Stf => Some("its mean is the trilinear filter, and on splat the blend of near cliff"),
+            Estimator::Laplacian => Some("its bands have different weights, and the coarse band is filtered trilinearly"),
+            Estimator::Luna8 => Some("it projects from above and has eight materials"),
+            Estimator::Snapped => Some("it has one projection"),
+        }
+    }
+
     /// Whether splat can blend two tiling scales with this estimator. If not, splat always uses one scale.
     pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)

@@ -11,12 +11,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail, ensure};
-use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
+use experiments::definition::{self, Definition, Reference, Small, Times, Viewing, variant_name};
 use kernels::base::error::one_line;
 use kernels::base::files::WholeFolder;
 use kernels::frame::{self, FrameSettings};
 use kernels::scene::{self, CameraPose, Scene};
 use kernels::settings::Home;
+use kernels::shared::signal::Signal;
 use toml::Value;
 
 use super::lock;
@@ -94,9 +95,12 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
         vary: None,
         settings: changes.unwrap_or_default().into_iter().chain(frame_settings(settings)).collect(),
         metrics: Vec::new(),
+        signals: Signal::ALL.map(|signal| signal.name().to_owned()).to_vec(),
+        viewing: Viewing::default(),
         video: false,
         reference: Reference::default(),
         times: Times::default(),
+        times_budget_s: definition::TIMES_BUDGET_S,
         small: Small::default(),
         expectations: Vec::new(),
         folder: PathBuf::new(),
@@ -447,7 +451,13 @@ impl Said {
 fn excerpt(page: &Path) -> String {
     let text = fs::read_to_string(page.with_extension("md")).unwrap_or_default();
     // The report has check marks and crosses, which the fonts of the window lack. Replace them by words.
-    text.lines().take(EXCERPT).collect::<Vec<_>>().join("\n").replace('\u{2705}', "[holds]").replace('\u{274c}', "[fails]")
+    text.lines()
+        .take(EXCERPT)
+        .collect::<Vec<_>>()
+        .join("\n")
+        .replace('\u{2705}', "[holds]")
+        .replace('\u{274c}', "[fails]")
+        .replace('\u{2754}', "[open]")
 }
 
 #[cfg(test)]

@@ -39,6 +39,8 @@ pub enum Layer {
     Flips,
     /// Mean of A - B in luminance over frames.
     Bias,
+    /// Mean absolute change of A - B in luminance from frame to frame.
+    Residual,
 }
 
 /// The mapping of a value to a colour, in the picture and on the bar of the legend.
@@ -120,6 +122,13 @@ static DEVIATION: [Scale; 1] =
     [Scale { name: "standard deviation of luminance", colours: Colours::Magma, ends: [1e-3, 1.0], logarithmic: true, ticks: LUMINANCES }];
 static FLICKER: [Scale; 1] = [Scale {
     name: "mean |difference| in luminance from frame to frame",
+    colours: Colours::Magma,
+    ends: [1e-3, 1.0],
+    logarithmic: true,
+    ticks: LUMINANCES,
+}];
+static RESIDUAL: [Scale; 1] = [Scale {
+    name: "mean |change of A - B| in luminance from frame to frame",
     colours: Colours::Magma,
     ends: [1e-3, 1.0],
     logarithmic: true,
@@ -208,7 +217,7 @@ fn occurring(masks: &[f32]) -> Vec<Variant> {
 
 impl Layer {
     /// All layers, in the order of the menu.
-    pub const ALL: [Layer; 12] = [
+    pub const ALL: [Layer; 13] = [
         Layer::Lit,
         Layer::Albedo,
         Layer::Normal,
@@ -221,6 +230,7 @@ impl Layer {
         Layer::Flicker,
         Layer::Flips,
         Layer::Bias,
+        Layer::Residual,
     ];
 
     /// Returns the name of the layer in the menu.
@@ -238,6 +248,7 @@ impl Layer {
             Layer::Flicker => "Flicker",
             Layer::Flips => "Flips",
             Layer::Bias => "Bias",
+            Layer::Residual => "Residual",
         }
     }
 
@@ -256,13 +267,16 @@ impl Layer {
             Layer::Flicker => "mean |difference| in luminance to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic",
             Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
             Layer::Bias => "mean A - B in luminance, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
+            Layer::Residual => {
+                "mean |change of A - B| in luminance since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic; dark if B is not drawn"
+            }
         }
     }
 
     /// The layer of the renderer that this layer shows; `None` = it is computed from the lit picture or from the live metrics.
     pub const fn aov(self) -> Option<&'static str> {
         match self {
-            Layer::Lit | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias => None,
+            Layer::Lit | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual => None,
             Layer::Albedo => Some("albedo"),
             Layer::Normal => Some("normal"),
             Layer::Depth => Some("depth"),
@@ -273,14 +287,15 @@ impl Layer {
         }
     }
 
-    /// The layer to show for B. B has no bias, because it is not compared with another picture; the lit picture is shown instead.
+    /// The layer to show for B. B has neither bias nor residual, because it is not compared with another picture; the lit picture is shown
+    /// instead.
     pub fn of_second(self) -> Layer {
-        if self == Layer::Bias { Layer::Lit } else { self }
+        if matches!(self, Layer::Bias | Layer::Residual) { Layer::Lit } else { self }
     }
 
     /// Whether it shows a live metric.
     pub const fn is_measured(self) -> bool {
-        matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias)
+        matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual)
     }
 
     /// The scales of the values of this layer; empty = the values are not numbers.
@@ -293,6 +308,7 @@ impl Layer {
             Layer::Flicker => &FLICKER,
             Layer::Flips => &FLIPS,
             Layer::Bias => &BIAS,
+            Layer::Residual => &RESIDUAL,
             Layer::Lit | Layer::Albedo | Layer::Mask | Layer::Tiles | Layer::Choice => &[],
         }
     }
@@ -329,6 +345,7 @@ impl Layer {
                 Layer::Deviation => (point.frames > 1.0).then(|| point.variance.max(0.0).sqrt()),
                 Layer::Flicker => (point.frames > 1.0).then_some(point.flicker),
                 Layer::Flips => (point.chosen > 0.0).then_some(point.flips),
+                Layer::Residual => (point.frames > 1.0).then_some(point.residual),
                 _ => (point.frames > 0.0).then_some(point.bias),
             };
             match (value, self.scales()) {
@@ -433,7 +450,8 @@ mod tests {
         let links: Vec<u32> = (0..count).collect();
         let sample = |luminance: f32, error: f32| Sample { luminance, choice: 1, error };
         let mut followed = Followed::default();
-        let second: Vec<Sample> = ticks.iter().map(|&tick| sample(tick, 0.1)).collect();
+        // The error changes by the value of a tick, too, so the residual equals the flicker.
+        let second: Vec<Sample> = ticks.iter().map(|&tick| sample(tick, 0.1 - tick)).collect();
         for samples in [vec![sample(0.0, 0.1); ticks.len()], second] {
             followed.take([count, 1], &samples, &links, 8, true);
         }
@@ -445,6 +463,8 @@ mod tests {
         assert_eq!(of(Layer::Deviation), along(&DEVIATION[0], |p| p.variance.sqrt()));
         assert_eq!(of(Layer::Flips), along(&FLIPS[0], |p| p.flips));
         assert_eq!(of(Layer::Bias), along(&BIAS[0], |p| p.bias));
+        assert_eq!(of(Layer::Residual), along(&RESIDUAL[0], |p| p.residual));
+        assert!((points[2].residual - ticks[2]).abs() < 1e-6);
         assert!((points[2].flicker - ticks[2]).abs() < 1e-6 && (points[2].variance.sqrt() - ticks[2] / 2.0).abs() < 1e-6);
         for layer in Layer::ALL.into_iter().filter(|layer| layer.is_measured()) {
             assert_eq!(bars(&layer.legend_for(&picture)), layer.scales());

@@ -138,7 +138,7 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "Number of frames from frame 0 on: at least 2 for flips and flicker, at least 5 to compare frames with a lag of 4",
+            "Number of frames from frame 0 on: at least 2 for flips and residual flicker, at least 5 to compare frames with a lag of 4",
         );
         count(
             ui,

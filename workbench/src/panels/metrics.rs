@@ -14,7 +14,7 @@ struct Quantity {
     of: fn(&Summary) -> Option<f64>,
 }
 
-const QUANTITIES: [Quantity; 5] = [
+const QUANTITIES: [Quantity; 6] = [
     Quantity {
         name: "Flip rate",
         about: "Share of random choices that differ from those in the previous frame at the same surface point",
@@ -24,6 +24,12 @@ const QUANTITIES: [Quantity; 5] = [
         name: "Flicker",
         about: "Mean absolute change in the luminance of linear albedo since the previous frame, at the same surface point",
         of: |s| Some(s.flicker),
+    },
+    Quantity {
+        name: "Residual",
+        about: "Mean absolute change of A - B in luminance since the previous frame, at the same surface point: the flicker that A has and B has \
+                not, if B is the full blend. None if B is not drawn.",
+        of: |s| s.residual,
     },
     Quantity {
         name: "Noise",
@@ -63,7 +69,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
-        ui.label("Nothing is measured yet. Switch `Measure` on, or choose the layer Deviation, Flicker, Flips or Bias, and let time run.");
+        ui.label("Nothing is measured yet. Switch `Measure` on, or choose the layer Deviation, Flicker, Flips, Bias or Residual, and let time run.");
         return;
     };
     table(last, ui);

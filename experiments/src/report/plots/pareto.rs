@@ -16,7 +16,7 @@ pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\">
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \
     <span class=\"entry\"><span class=\"key combination\"></span>several flavours</span> \
-    <span class=\"entry\"><span class=\"key front\"></span>Pareto front: no other choice is both cheaper and better than a choice on this line (the table names the points without a label)</span>";
+    <span class=\"entry\"><span class=\"key front\"></span>Pareto front (the table names the points without a label)</span>";
 
 /// If a plot has more points than this, only the labels of points on the Pareto front are always shown. Other labels are shown if there is room.
 const MANY: usize = 40;
@@ -68,7 +68,7 @@ pub(crate) struct Point {
     pub(crate) group: String,
     /// Cost. Points whose cost is not above 0 are not drawn.
     pub(crate) x: f64,
-    /// Error, or flicker.
+    /// Error, or added change.
     pub(crate) y: f64,
     /// Half-widths of the confidence intervals of cost and error; 0 = unknown.
     pub(crate) half: [f64; 2],
@@ -76,8 +76,7 @@ pub(crate) struct Point {
     pub(crate) marker: Marker,
     /// The point's own colour; `None` = the colour of its marker.
     pub(crate) colour: Option<Rgb>,
-    /// Whether the point is on the Pareto front, which means that no other point dominates it. Points on the front are labelled and connected by the
-    /// line.
+    /// Whether the point is on the Pareto front. Points on the front are labelled and connected by the line.
     pub(crate) front: bool,
     /// Tooltip of the point, and a link to the table row of the choice.
     pub(crate) hint: Option<Hint>,

@@ -1,0 +1,207 @@
+//! Perceived noise: the part of an error that an eye sees which follows the surface.
+//!
+//! In time, the eye is modelled by an exponential mean of the error along the motion of the surface (smooth pursuit), with a time constant of
+//! [`TIME_CONSTANT_S`]. `measure.wgsl` computes it: `m = (1 - a) m_before + a e`, see [`Viewing::adaptation`]. In space, it is modelled by the
+//! difference of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
+//!
+//! Closed forms, tested: an error that is fixed to the surface keeps its spatially filtered root mean square. Errors that are independent from frame
+//! to frame are reduced by the factor sqrt(a / (2 - a)) in time, and independent errors of pixels by the norm of the spatial filter.
+//! Source: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*); Korac et al.
+//! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) filter an error jointly over space and time, too.
+
+use rayon::prelude::*;
+
+/// Time constant of the exponential mean, seconds. It and the two Gaussians were fitted to the verdicts of ColorVideoVDP (`make judges`).
+pub const TIME_CONSTANT_S: f64 = 0.1;
+/// Standard deviation of the narrow Gaussian, degrees of visual angle. With [`SURROUND_DEG`], the filter passes 3.1 cycles per degree best, which is
+/// about where the eye's sensitivity to contrast has its maximum (Barten 1999, *Contrast Sensitivity of the Human Eye*).
+pub const CENTRE_DEG: f64 = 0.04;
+/// Standard deviation of the wide Gaussian, degrees of visual angle.
+pub const SURROUND_DEG: f64 = 0.113;
+/// The Gaussians are cut off at this number of standard deviations.
+const REACH: f64 = 3.0;
+
+/// How a sequence of pictures is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewing {
+    /// Frames per second, above 0.
+    pub frames_per_second: f64,
+    /// Pixels per degree of visual angle, above 0.
+    pub pixels_per_degree: f64,
+}
+
+impl Default for Viewing {
+    /// 60 frames per second; 67 pixels per degree, as in FLIP (0.7 m in front of a monitor that is 0.7 m wide and has 3840 pixels in a row).
+    fn default() -> Self {
+        Viewing { frames_per_second: 60.0, pixels_per_degree: 67.0 }
+    }
+}
+
+impl Viewing {
+    /// The share of a new frame in the exponential mean: 1 - exp(-1 / (frames per second x time constant)).
+    pub fn adaptation(&self) -> f64 {
+        -(-1.0 / (self.frames_per_second * TIME_CONSTANT_S)).exp_m1()
+    }
+}
+
+/// A Gaussian of one dimension, from its middle outwards, with the sum 1 over both sides.
+fn gaussian(deviation_px: f64) -> Vec<f64> {
+    // A Gaussian that is narrower than this has no weight beside its middle in f64.
+    let deviation = deviation_px.max(0.1);
+    let reach = (REACH * deviation).ceil() as usize;
+    let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp()).collect();
+    let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    weights
+}
+
+/// Adds `weight` times each number of `from` to `to`.
+fn add_row(to: &mut [f64], weight: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
+}
+
+/// Filters a picture with a Gaussian along rows and columns. Pixels outside the picture count as 0. `weights`: see [`gaussian`].
+fn blurred([width, height]: [usize; 2], picture: &[f64], weights: &[f64]) -> Vec<f64> {
+    let reach = weights.len() - 1;
+    let mut rows = vec![0.0; picture.len()];
+    rows.par_chunks_mut(width).zip(picture.par_chunks(width)).for_each(|(to, from)| {
+        let mut padded = vec![0.0; width + 2 * reach];
+        padded[reach..reach + width].copy_from_slice(from);
+        add_row(to, weights[0], from);
+        for (k, &weight) in weights.iter().enumerate().skip(1) {
+            add_row(to, weight, &padded[reach - k..]);
+            add_row(to, weight, &padded[reach + k..]);
+        }
+    });
+    let mut out = vec![0.0; picture.len()];
+    let row = |y: usize| &rows[y * width..(y + 1) * width];
+    out.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+        for (k, &weight) in weights.iter().enumerate() {
+            if k <= y {
+                add_row(to, weight, row(y - k));
+            }
+            if k > 0 && y + k < height {
+                add_row(to, weight, row(y + k));
+            }
+        }
+    });
+    out
+}
+
+/// Filters an error with the difference of two Gaussians. `error`: one value per pixel, row by row; `None` where there is no terrain. Each Gaussian
+/// is normalised over the terrain that it covers.
+///
+/// # Panics
+/// When the number of errors is not the number of pixels.
+pub fn filtered(size: [u32; 2], error: &[Option<f64>], pixels_per_degree: f64) -> Vec<Option<f64>> {
+    let size = size.map(|n| n as usize);
+    assert_eq!(error.len(), size[0] * size[1], "one error per pixel");
+    if error.is_empty() {
+        return Vec::new();
+    }
+    let known: Vec<f64> = error.iter().map(|e| f64::from(u8::from(e.is_some()))).collect();
+    let values: Vec<f64> = error.iter().map(|e| e.unwrap_or(0.0)).collect();
+    let [centre, surround] = [CENTRE_DEG, SURROUND_DEG].map(|degrees| {
+        let weights = gaussian(degrees * pixels_per_degree);
+        [blurred(size, &values, &weights), blurred(size, &known, &weights)]
+    });
+    let mean = |[sums, weights]: &[Vec<f64>; 2], at: usize| sums[at] / weights[at];
+    error.iter().enumerate().map(|(at, e)| e.map(|_| mean(&centre, at) - mean(&surround, at))).collect()
+}
+
+/// Perceived noise: the root mean square of the filtered error. `remembered`: for each pixel, the remembered error and the number of frames that it
+/// comprises (`Meter::memory`). `None` if no pixel has an error.
+///
+/// # Panics
+/// When the number of errors is not the number of pixels.
+pub fn perceived_noise(size: [u32; 2], remembered: &[[f32; 2]], pixels_per_degree: f64) -> Option<f64> {
+    let error: Vec<Option<f64>> = remembered.iter().map(|[e, frames]| (*frames > 0.0).then(|| f64::from(*e))).collect();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for e in filtered(size, &error, pixels_per_degree).into_iter().flatten() {
+        sum += e * e;
+        count += 1.0;
+    }
+    (count > 0.0).then(|| f64::sqrt(sum / count))
+}
+
+/// The norm of the spatial filter far from every border: the factor by which it reduces the root mean square of errors that are independent from pixel
+/// to pixel.
+pub fn norm(pixels_per_degree: f64) -> f64 {
+    let [centre, surround] = [CENTRE_DEG, SURROUND_DEG].map(|degrees| gaussian(degrees * pixels_per_degree));
+    let dot = |a: &[f64], b: &[f64]| {
+        let one = a.iter().zip(b).enumerate().map(|(i, (a, b))| if i == 0 { a * b } else { 2.0 * a * b }).sum::<f64>();
+        one * one
+    };
+    (dot(&centre, &centre) - 2.0 * dot(&centre, &surround) + dot(&surround, &surround)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shared::hash;
+
+    fn white(i: usize, frame: u32) -> f64 {
+        let h = hash::pcg4d([u32::try_from(i).unwrap_or(0), frame, 3, 8]);
+        // The sum of four uniform numbers, scaled to a variance of 1: the variance of one is 1/12.
+        (h.iter().map(|&h| f64::from(h) / 4_294_967_296.0).sum::<f64>() - 2.0) * 3f64.sqrt()
+    }
+
+    #[test]
+    fn an_offset_is_not_noise_even_beside_the_sky() {
+        let size = [50, 40];
+        let error: Vec<_> = (0..2000).map(|i| (i % 50 > 7 + i / 50).then_some(0.25)).collect();
+        let out = filtered(size, &error, 67.0);
+        assert!(out.iter().zip(&error).all(|(o, e)| o.is_some() == e.is_some()));
+        assert!(out.iter().flatten().all(|e| e.abs() < 1e-12));
+        assert_eq!(perceived_noise(size, &[[0.5, 0.0]; 2000], 67.0), None, "no terrain");
+        assert_eq!(perceived_noise([1, 1], &[[0.5, 1.0]], 67.0), Some(0.0), "one pixel");
+    }
+
+    #[test]
+    fn independent_errors_are_reduced_by_the_norm_of_the_filter() {
+        let size = [400, 300];
+        for pixels_per_degree in [20.0, 67.0] {
+            let inside = |i: &usize| (60..340).contains(&(i % 400)) && (60..240).contains(&(i / 400));
+            let (mut sum, mut count) = (0.0, 0.0);
+            for field in 0..8 {
+                let error: Vec<_> = (0..120_000).map(|i| Some(white(i, field))).collect();
+                let out = filtered(size, &error, pixels_per_degree);
+                for i in (0..120_000).filter(inside) {
+                    (sum, count) = (sum + out[i].unwrap_or(f64::NAN).powi(2), count + 1.0);
+                }
+            }
+            let ratio = f64::sqrt(sum / count) / norm(pixels_per_degree);
+            // 8 x 50 400 squares. The filter correlates about 4 pi c² = 90 neighbours at 67 pixels per degree, so there are some 4500 independent
+            // ones, and the root has a standard deviation of 1 / sqrt(2 x 4500) = 1.1 %. The tolerance is 5 of them.
+            assert!((ratio - 1.0).abs() < 0.055, "{ratio} at {pixels_per_degree} pixels per degree");
+        }
+        assert!(norm(20.0) > norm(67.0), "finer pixels are averaged more");
+    }
+
+    #[test]
+    fn the_filter_passes_the_frequencies_of_the_eye_best() {
+        // The response to a grating of f cycles per degree is exp(-2 (pi f c)²) - exp(-2 (pi f s)²), for infinite Gaussians.
+        let ppd = 67.0;
+        let size = [800, 1];
+        let response = |f: f64| {
+            let error: Vec<_> = (0..800).map(|i| Some((std::f64::consts::TAU * f / ppd * f64::from(i)).sin())).collect();
+            let out = filtered(size, &error, ppd);
+            let (sum, n) = (200..600).fold((0.0, 0.0), |(s, n), i| (s + out[i].unwrap_or(f64::NAN).powi(2), n + 1.0));
+            (2.0 * sum / n).sqrt()
+        };
+        for f in [1.0, 3.1, 8.0] {
+            let passes = |deviation: f64| (-2.0 * (std::f64::consts::PI * f * deviation).powi(2)).exp();
+            let expected = passes(CENTRE_DEG) - passes(SURROUND_DEG);
+            // The Gaussians are cut off at 3 deviations and sampled in pixels. The tolerance is 3 % of the largest response.
+            assert!((response(f) - expected).abs() < 0.03, "{f} cycles per degree: {} and not {expected}", response(f));
+        }
+        assert!(response(3.1) > response(1.5) && response(3.1) > response(6.0));
+    }
+
+    #[test]
+    fn a_new_frame_has_the_share_of_its_duration() {
+        let of = |frames_per_second| Viewing { frames_per_second, ..Viewing::default() }.adaptation();
+        assert!((of(1.0 / TIME_CONSTANT_S) - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+        assert!((of(1e6) * 1e6 * TIME_CONSTANT_S - 1.0).abs() < 1e-4 && of(30.0) > of(60.0));
+    }
+}

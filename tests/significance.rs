@@ -1,0 +1,153 @@
+//! Tests of the statistics of bias (`experiments::significance`) on simulated runs: how often they raise a false alarm, and what they find.
+//!
+//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. Sizes, seeds and the number of rows are those of
+//! the recorded sweep. The standard deviation of areas ranges over a factor of 16, a third of the rows has skewed numbers, and neighbouring areas are
+//! correlated as those of the six noises.
+
+use experiments::significance::{Areas, Mean, POWER, detectable, limit, sidak};
+use experiments::stability::statistics::Random;
+use rayon::prelude::*;
+
+/// Areas across and down.
+const GRID: [usize; 2] = [30, 17];
+const SEEDS: usize = 4;
+/// Six noises, three views, near and far cliff.
+const ROWS: u64 = 36;
+/// Share of a neighbouring area's number that is added to the number of an area, for each noise: hashed, hashed anisotropically, white, world cells,
+/// interleaved gradients, blue. Pictures of ground and cliffs were simulated with these noises. The variance of their mean was 0.95 to 1.24 times the sum
+/// of the areas' variances (world cells near the camera have the largest ratio), and 0.5 to 0.75 times for gradients and blue noise.
+const NEIGHBOURS: [f64; 6] = [1.0 / 64.0, 1.0 / 128.0, 0.0, 1.0 / 16.0, -1.0 / 12.0, -1.0 / 16.0];
+
+/// The sums of a row: a list of areas for each seed.
+type Sums = [Vec<f64>; SEEDS];
+
+/// Number of numbers in an area: three channels. The last row of areas is 14 pixels high.
+fn numbers(at: usize) -> f64 {
+    if at / GRID[0] + 1 == GRID[1] { 48.0 * 14.0 } else { 48.0 * 16.0 }
+}
+
+/// Standard deviation of the sum of each area; equal in squares of 3 x 3 areas. Of 256 pixels with a standard deviation of 0.05 and equal channels, the
+/// sum has 2.4.
+fn deviations() -> Vec<f64> {
+    let mut random = Random(7);
+    let squares: Vec<f64> = (0..60).map(|_| 2.4 * (4.0 * random.unit() - 2.0).exp2()).collect();
+    (0..GRID[0] * GRID[1]).map(|at| squares[at / GRID[0] / 3 * 10 + at % GRID[0] / 3]).collect()
+}
+
+/// Returns the sums of a row without a bias.
+fn sound(run: u64, row: u64, deviations: &[f64]) -> Sums {
+    let mut random = Random((run * ROWS + row) << 32);
+    let mut own: Sums = std::array::from_fn(|_| Vec::with_capacity(deviations.len()));
+    for deviation in deviations {
+        for sums in &mut own {
+            // The number of bits that are set in a random word is almost normal. In the conjunction of three words it is skewed.
+            let number = if row % 3 == 2 {
+                (f64::from((random.word() & random.word() & random.word()).count_ones()) - 8.0) / 7f64.sqrt()
+            } else {
+                (f64::from(random.word().count_ones()) - 32.0) / 4.0
+            };
+            sums.push(deviation * number);
+        }
+    }
+    let share = NEIGHBOURS[(row % 6) as usize];
+    own.map(|own| {
+        let left = |at: usize| if !at.is_multiple_of(GRID[0]) { own[at - 1] } else { 0.0 };
+        let above = |at: usize| if at >= GRID[0] { own[at - GRID[0]] } else { 0.0 };
+        (0..own.len()).map(|at| own[at] + share * left(at) + share * above(at)).collect()
+    })
+}
+
+/// Returns the statistics of the sums of several seeds, after adding a bias, which may depend on the area.
+fn planted(sums: &[Vec<f64>], bias: impl Fn(usize) -> f64) -> Areas {
+    let mut areas = Areas::new(GRID.map(|n| n as u32));
+    for sums in sums {
+        areas.add(sums.iter().enumerate().map(|(at, sum)| [sum + bias(at) * numbers(at), numbers(at)]));
+    }
+    areas
+}
+
+/// Whether a mean, after adding a number of standard errors, differs from 0.
+fn is_off(mean: &Mean, shift: impl Fn(f64) -> f64, level: f64) -> bool {
+    let (error, freedom) = (mean.standard_error.expect("four seeds"), mean.freedom.expect("numbers that vary"));
+    (mean.value + shift(freedom) * error).abs() > limit(level, freedom) * error
+}
+
+#[test]
+fn a_thousand_sound_runs_raise_one_false_alarm_at_most() {
+    // Null hypothesis: no row has a bias. Each run has 36 rows with two tests each, which share a level of 0.001 (Sidak correction). So about one of 1000
+    // runs may find something.
+    let level = sidak(2 * ROWS as usize);
+    let deviations = deviations();
+    /// What a run finds: whether any test fails at its level, at 0.1 % without the correction, and how many rows fail at 5 % by their mean and by their
+    /// probability.
+    #[derive(Clone, Copy, Default)]
+    struct Found {
+        any: u32,
+        uncorrected: u32,
+        means: u32,
+        probabilities: u32,
+    }
+    let of_run = |run: u64| {
+        let mut found = Found::default();
+        for row in 0..ROWS {
+            let areas = planted(&sound(run, row, &deviations), |_| 0.0);
+            let (mean, probability) = (areas.mean(), areas.probability().expect("four seeds"));
+            let fails = |level: f64| is_off(&mean, |_| 0.0, level) || probability < level;
+            found.any |= u32::from(fails(level));
+            found.uncorrected |= u32::from(fails(0.001));
+            found.means += u32::from(is_off(&mean, |_| 0.0, 0.05));
+            found.probabilities += u32::from(probability <= 0.05);
+        }
+        found
+    };
+    let sum = |a: Found, b: Found| Found {
+        any: a.any + b.any,
+        uncorrected: a.uncorrected + b.uncorrected,
+        means: a.means + b.means,
+        probabilities: a.probabilities + b.probabilities,
+    };
+    let all = (0..1000).into_par_iter().map(of_run).reduce(Found::default, sum);
+    assert!(all.any <= 1, "{} of 1000 runs raise a false alarm", all.any);
+    // Negative control: without the correction, about 50 of 1000 runs raise one.
+    assert!(all.uncorrected > 20, "{} of 1000 runs", all.uncorrected);
+    // The single tests are neither idle nor too strict. The means are tested with the largest of three standard errors, so they fail less often than 5 %.
+    let share = |count: u32| f64::from(count) / (1000.0 * ROWS as f64);
+    assert!((0.03..0.045).contains(&share(all.means)), "{}", share(all.means));
+    assert!((0.035..0.055).contains(&share(all.probabilities)), "{}", share(all.probabilities));
+}
+
+#[test]
+fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
+    let level = sidak(2 * ROWS as usize);
+    let deviations = deviations();
+    let rows: Vec<Sums> =
+        (0..28).flat_map(|run| (0..ROWS).map(move |row| (run, row))).map(|(run, row)| sound(run, row, &deviations)).collect();
+    let count = rows.len() as f64;
+    let share = |bias: f64| rows.iter().filter(|sums| is_off(&planted(&sums[..], |_| bias).mean(), |_| 0.0, level)).count() as f64 / count;
+    assert!(share(0.01) >= 0.99 && share(-0.01) >= 0.99, "{} and {}", share(0.01), share(-0.01));
+    // A tenth of that is found, too. A hundredth is much less than a standard error, and is not found.
+    assert!(share(0.001) >= 0.98 && share(1e-4) < 0.05, "{} and {}", share(0.001), share(1e-4));
+    // What a report calls detectable is found with the stated probability. At the limit itself, half is found.
+    let shifted = |shift: fn(f64, f64) -> f64| {
+        let found = |sums: &&Sums| is_off(&planted(&sums[..], |_| 0.0).mean(), |freedom| shift(level, freedom), level);
+        rows.iter().filter(found).count() as f64 / count
+    };
+    let (all, half) = (shifted(detectable), shifted(limit));
+    assert!(all >= POWER && (0.45..0.55).contains(&half), "{all} and {half}");
+}
+
+#[test]
+fn biases_that_cancel_over_the_picture_are_found_with_two_seeds() {
+    let level = sidak(2 * ROWS as usize);
+    let deviations = deviations();
+    // One percent, with signs like the squares of a chessboard of 2 x 2 areas.
+    let chessboard = |at: usize| if (at % GRID[0] / 2 + at / GRID[0] / 2).is_multiple_of(2) { 0.01 } else { -0.01 };
+    for row in 0..6 {
+        let sums = sound(0, row, &deviations);
+        for seeds in [2, SEEDS] {
+            let probability = |bias: &dyn Fn(usize) -> f64| planted(&sums[..seeds], bias).probability().expect("two seeds");
+            assert!(probability(&chessboard) < level, "row {row}, {seeds} seeds");
+            assert!(probability(&|_| 0.0) > 0.1, "row {row}, {seeds} seeds: {}", probability(&|_| 0.0));
+        }
+    }
+}
