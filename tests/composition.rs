@@ -3,6 +3,7 @@
 
 use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::display::reference::tone_map;
+use kernels::display::{Exposure, ToneCurve};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{Renderer, RendererOptions, VariantChoice};
 use kernels::metrics::{Track, read_signal};
@@ -90,6 +91,32 @@ fn every_variant_composed_equals_its_own_shader() {
             assert!(differs(&previous) > 4.0, "{name} looks like its predecessor");
         }
     }
+}
+
+#[test]
+fn lit_pictures_are_clipped_at_white_and_follow_the_exposure() {
+    let mut renderer = renderer();
+    let dark = request(&renderer, "cliff");
+    let bright = dark.with(|r| r.stages.display = Exposure { exposure: 6.0, tone_curve: ToneCurve::Clip });
+    let layers = Layers::new(gpu(), SIZE);
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let buffer = gpu().buffer("composed", usage, u64::from(PIXELS) * 8);
+    let flavour = Variant::only(Flavour::FarAtlas);
+    let mut largest = [dark, bright].map(|request| {
+        renderer.draw_flavours(&request, flavour, &layers).expect("draws");
+        let stream = renderer.composition().stream(Some(flavour)).of(Signal::Lit);
+        let to = [Destination { stream, signal: &buffer, offset: 0 }];
+        renderer.drawn_as(&request).expect("drawn").compose(&layers, &to).expect("composes");
+        let lit = read_signal(gpu(), &buffer, 0, PIXELS).expect("the device works");
+        let on = lit.into_iter().filter(|s| signal::is_terrain(*s)).flat_map(signal::colour);
+        let mut values: Vec<f32> = on.collect();
+        values.sort_by(f32::total_cmp);
+        (values[values.len() / 2], values[values.len() - 1])
+    });
+    // 1.055 - 0.055 is 1 up to a rounding.
+    largest.iter_mut().for_each(|(_, most)| *most -= 2f32.powi(-10));
+    assert!(largest[1].1 <= 1.0 && largest[1].1 > 0.99, "six stops brighter, some pixels are white and none is brighter: {largest:?}");
+    assert!(largest[1].0 > 1.3 * largest[0].0, "{largest:?}");
 }
 
 #[test]

@@ -213,6 +213,16 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("times = \"all\"", "times = \"all\"\ntimes_budget_s = nan", &["times_budget_s", "is NaN"]),
     ("times = \"all\"", "times = \"all\"\ntimes_budget_s = inf", &["times_budget_s", "is inf"]),
     ("times = \"all\"", "times = \"all\"\ntimes_budget_s = \"long\"", &["times_budget_s", "invalid type"]),
+    ("times = \"all\"", "times = \"all\"\nviewing = { frames_per_second = 0 }", &["viewing, frames_per_second", "is 0", "1..=1000"]),
+    ("times = \"all\"", "times = \"all\"\nviewing = { frames_per_second = nan }", &["viewing, frames_per_second", "is NaN"]),
+    ("times = \"all\"", "times = \"all\"\nviewing = { pixels_per_degree = 0 }", &["viewing, pixels_per_degree", "is 0"]),
+    ("times = \"all\"", "times = \"all\"\nviewing = { frames_per_secnd = 30 }", &["frames_per_secnd", "did you mean `frames_per_second`"]),
+    ("times = \"all\"", "times = \"all\"\nsignals = []", &["signals", "is empty"]),
+    ("times = \"all\"", "times = \"all\"\nsignals = [\"lit\", \"lit\"]", &["signals 2", "entry 1"]),
+    ("times = \"all\"", "times = \"all\"\nsignals = [\"lite\"]", &["signals 1", "did you mean `lit`"]),
+    ("times = \"all\"", "times = \"all\"\nsignals = [\"lit\"]", &["expect 1, where", "only the lit picture"]),
+    ("setting = 1.0 }", "signal = \"light\" }", &["expect 1, where, signal", "no row has signal `light`"]),
+    ("metrics = [\"rmse\", ", "metrics = [\"flicker\", ", &["metrics 1", "`flicker` was renamed", "`excess_difference`", "`added`"]),
     ("times = \"all\"", "time_budget_s = 5", &["unknown key `time_budget_s`", "did you mean `times_budget_s`"]),
     ("over = { variant = \"auto\" }", "over = { variant = \"near-cliff\" }", &["expect 2, over", "always 1"]),
     ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is not a known metric"]),
@@ -233,7 +243,7 @@ fn wrong_definitions_are_refused_with_line_key_and_remedy() {
         let named: usize = refused["experiment trial.toml:".len()..].split(':').next().unwrap().parse().expect("a line number");
         let key = says[0].split([',', ' ']).next_back().unwrap_or_default();
         let start = TEXT[..TEXT.find(from).unwrap()].lines().count().max(1);
-        let changed = start..=start + from.lines().count();
+        let changed = start..=start + from.lines().count().max(to.lines().count());
         assert!(
             changed.contains(&named) || text.lines().nth(named - 1).is_some_and(|l| l.contains(key) || l.contains("[set]")),
             "`{to}`: line {named}: {refused}"

@@ -704,7 +704,9 @@ fn resolves_agree_with_their_reference() {
         let sky = |i: usize| (i % width) < 5 && (i / width) < 9 || uniform(i, f, 7) < 0.03;
         let blue = |i: usize| if uniform(i, 0, 8) < 0.2 { 0.0 } else { 0.5 };
         let colour = |i: usize| [0.1 + uniform(i, f, 5), uniform(i, f, 6), blue(i)].map(|v| v as f32);
-        (0..RAGGED_PIXELS).map(|i| if sky(i) { [0, 0] } else { signal::pack(colour(i), 3, 2) }).collect()
+        let invalid = |i: usize| uniform(i, f, 9) < 0.01;
+        let pixel = |i: usize| if invalid(i) { signal::INVALID } else { signal::pack(colour(i), 3, 2) };
+        (0..RAGGED_PIXELS).map(|i| if sky(i) { [0, 0] } else { pixel(i) }).collect()
     };
     let pictures: Vec<_> = (0..5).map(picture).collect();
     let positions: Vec<_> = (0..RAGGED_PIXELS).map(position).collect();
@@ -752,6 +754,11 @@ fn resolved(size: [u32; 2], links: &[u32], positions: &[[f32; 2]], pictures: &[V
             let found = meter.picture(gpu, stream, 0).expect("the device works");
             for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                 assert_eq!(signal::is_terrain(*found), expected[3] > 0.0);
+                if !signal::is_terrain(*found) {
+                    // Sky and invalid pixels stay what they are.
+                    assert_eq!(*found, now[i]);
+                    continue;
+                }
                 let kept = (signal::choice(*found), signal::fetches(*found));
                 assert_eq!(kept, (signal::choice(now[i]), signal::fetches(now[i])), "choice and fetches must be kept");
                 for (k, c) in signal::colour(*found).into_iter().enumerate() {

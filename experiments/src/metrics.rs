@@ -61,6 +61,20 @@ pub fn seen_frames(frames: u32) -> u32 {
     if frames > 1 { ((frames - 1 - frames / 2) / seen_step(frames) + 1).min(SEEN) } else { 0 }
 }
 
+/// The first frame whose perceived noise is measured in a sequence of `frames` frames; `None` if there is none.
+pub fn first_seen(frames: u32) -> Option<u32> {
+    seen_frames(frames).checked_sub(1).map(|before| frames - 1 - before * seen_step(frames))
+}
+
+/// The memory of the eye is filled after this number of frames, divided by the share of a new frame in it.
+const FILLED: f64 = 1.5;
+
+/// Whether the memory of the eye is filled in the first frame whose perceived noise is measured. In shorter sequences, noise that changes in every frame
+/// scores too high. `adaptation`: the share of a new frame in the memory, above 0.
+pub fn is_memory_filled(frames: u32, adaptation: f64) -> bool {
+    first_seen(frames).is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
+}
+
 /// Distance of two frames whose perceived noise is measured.
 fn seen_step(frames: u32) -> u32 {
     ((frames - frames / 2) / SEEN).max(1)
@@ -260,6 +274,10 @@ pub fn find(name: &str) -> Option<&'static Metric> {
 /// The message is one line and names the most similar known metric.
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
+        if let "flicker" | "flicker_p95" = name {
+            let new = name.replace("flicker", EXCESS_DIFFERENCE);
+            return format!("`{name}` was renamed: write `{new}`, or `{ADDED}`, in which blur and noise cannot cancel");
+        }
         if [TIME, TIME_RATIO].contains(&name) {
             return format!("`{name}` needs the name of a pass: write `{name}:{SHADING_PASS}`, for example");
         }
@@ -295,6 +313,40 @@ mod tests {
         assert_eq!([1, 2, 5, 16, 100_000].map(seen_frames), [0, 1, 3, 4, 4]);
         let seen: Vec<u32> = (0..16).filter(|&frame| is_seen(frame, 16)).collect();
         assert_eq!(seen, [9, 11, 13, 15]);
+        for frames in 0..99 {
+            assert_eq!(first_seen(frames), (0..frames).find(|&frame| is_seen(frame, frames)), "{frames} frames");
+        }
+    }
+
+    #[test]
+    fn noise_of_sequences_that_are_too_short_scores_too_high() {
+        let adaptation =
+            |frames_per_second: f64| kernels::metrics::Viewing { frames_per_second, ..kernels::metrics::Viewing::default() }.adaptation();
+        // At 60 frames per second, the memory needs 10 frames. Of 15 frames, the first that is seen is frame 8, the 9th; of 16 frames, it is the 10th.
+        assert_eq!(
+            [0, 1, 5, 15, 16, 400].map(|frames| is_memory_filled(frames, adaptation(60.0))),
+            [false, false, false, false, true, true]
+        );
+        assert!(is_memory_filled(9, adaptation(30.0)) && !is_memory_filled(9, adaptation(60.0)));
+        // The root mean square of noise that is independent in each frame, in the memory of the nth frame.
+        let root = |a: f64, n: u32| {
+            let step = |variance: f64, n: u32| {
+                let share = a.max(1.0 / f64::from(n));
+                (1.0 - share).powi(2) * variance + share * share
+            };
+            (1..=n).fold(0.0_f64, step).sqrt()
+        };
+        let last = |a: f64| (a / (2.0 - a)).sqrt();
+        // Where the memory is filled, it is too high by less than a fifth. In 5 frames, the mean of the frames that are seen is too high by 76 %.
+        for a in [24.0, 30.0, 60.0, 120.0].map(adaptation) {
+            let filled = (FILLED / a).ceil() as u32;
+            assert!(root(a, filled) < 1.2 * last(a) && root(a, filled / 3) > 1.2 * last(a), "{a}");
+            assert!((root(a, 1000) / last(a) - 1.0).abs() < 1e-9, "{a}");
+        }
+        let a = adaptation(60.0);
+        let seen: Vec<f64> = (0..5).filter(|&frame| is_seen(frame, 5)).map(|frame| root(a, frame + 1)).collect();
+        let mean = seen.iter().sum::<f64>() / seen.len() as f64;
+        assert!((mean / last(a) - 1.76).abs() < 0.01, "{mean}");
     }
 
     #[test]

@@ -27,8 +27,8 @@ const GROUPS: usize = 8;
 const DRAWS: u32 = 1 << 18;
 /// The drawing ends when this many draws were at least as large as the measured number.
 const ENOUGH: u32 = 10;
-/// Number of areas whose signs come from one hash of four words. Each takes one byte. The lowest byte of a word is not used, because the lowest bits of
-/// this hash are not random enough.
+/// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and each
+/// word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
 const LANES: usize = 12;
 /// Selects the random signs among all uses of the hash.
 const SIGNS: u32 = 0x5167_0005;
@@ -96,7 +96,7 @@ impl Area {
         self.numbers = numbers;
     }
 
-    /// Unbiased variance of the sum of one seed. `seeds`: at least 2.
+    /// Unbiased estimate of the variance, over seeds, of the area's sum. `seeds`: at least 2.
     fn variance(&self, seeds: f64) -> f64 {
         self.squares / (seeds - 1.0)
     }

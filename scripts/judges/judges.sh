@@ -26,4 +26,4 @@ sed -e 's/^name = "clips-60"$/name = "clips-30"/' -e 's/frames_per_second = 60/f
 [ "$(diff "$here/clips.toml" "$out/clips-30.toml" | grep -c '^>')" -eq 3 ] || fail "clips.toml no longer has the lines that clips-30 replaces"
 "$program" run "$here/clips.toml" "$out/clips-30.toml" --out "$out" --resume
 cd "$root"
-"${python[@]}" "$here/judge.py" --jobs "$(getconf _NPROCESSORS_ONLN)" --out notebooks-data/judges "$out/clips-60" "$out/clips-30"
+"${python[@]}" "$here/judge.py" --jobs "$(getconf _NPROCESSORS_ONLN)" --out notebooks-data/judges "$(realpath --relative-to=. "$out/clips-60")" "$(realpath --relative-to=. "$out/clips-30")"

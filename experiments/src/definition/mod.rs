@@ -122,6 +122,8 @@ fn default_signals() -> Vec<String> {
 
 /// Value of the key `times_budget_s` if a definition does not give it, seconds.
 pub const TIMES_BUDGET_S: f64 = 60.0;
+/// Limit of the seconds for timing in runs of `check`.
+const SMALL_TIMES_BUDGET_S: f64 = 5.0;
 
 /// Limit of the seconds for which times are measured without a pause: a day. A larger value is considered a typing error.
 pub(crate) const MAX_TIMES_BUDGET_S: f64 = 86_400.0;
@@ -396,6 +398,7 @@ impl Definition {
         small.size = size.unwrap_or(small.size);
         small.frames = frames.unwrap_or(small.frames);
         small.seeds = seeds.unwrap_or(small.seeds);
+        small.times_budget_s = small.times_budget_s.min(SMALL_TIMES_BUDGET_S);
         small.variants = variants.unwrap_or(small.variants);
         if let Some(views) = views {
             small.views.retain(|name| views.contains(name));

@@ -19,7 +19,7 @@ use toml::Value;
 
 use super::parameters::{apply, frame_parameters};
 use super::{ALL_VARIANTS, Definition, Expectation, Import, MAX_TIMES_BUDGET_S, Motion, Small, Times, Viewing, setting_text, variant_name};
-use crate::metrics::{self, Axis, LAGS, Needs};
+use crate::metrics::{self, Axis, LAGS, Needs, Signals};
 use crate::row::{Field, Row};
 
 // Limits of the values in a definition. Larger values are considered typing errors.
@@ -507,6 +507,10 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
         range.fail(format!("[{low}, {high}] is reversed: write [{high}, {low}]"))?;
     }
     let selection = at.key("where");
+    let without_albedo = !definition.measured_signals().contains(&Signal::Albedo);
+    if metric.signals == Signals::Each && without_albedo && !expectation.selection.contains_key("signal") {
+        selection.fail("selects no rows, because the run measures only the lit picture: give `signal = \"lit\"` in it")?;
+    }
     for (column, value) in &expectation.selection {
         selected(&selection.key(column.clone()), column, value, metric, definition)?;
     }
@@ -531,7 +535,8 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
 
 /// Checks that at least one row of the run can have this value in this column.
 fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
-    let columns = ["scene", "view", "variant", "estimator", "noise", "temporal", "parameter", "setting", "frame", "lag", "frequency"];
+    let columns =
+        ["scene", "view", "variant", "estimator", "noise", "temporal", "signal", "parameter", "setting", "frame", "lag", "frequency"];
     if !columns.contains(&column) {
         return at.fail(format!("rows cannot be selected by `{column}`: {}", suggestion(column, &columns)));
     }
@@ -553,6 +558,11 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         "noise" if metric.needs == Needs::Clock && definition.times == Times::FirstNoise => texts(&definition.noises[..1]),
         "noise" => texts(&definition.noises),
         "temporal" => texts(&definition.temporal),
+        "signal" => match metric.signals {
+            Signals::None => return at.fail(format!("`{}` has no signal: remove `signal`", metric.name)),
+            Signals::Albedo => vec![Signal::Albedo.name().to_owned()],
+            Signals::Each => texts(&definition.signals),
+        },
         "parameter" => definition.vary.iter().map(|vary| vary.parameter.clone()).collect(),
         "setting" => definition.vary.iter().flat_map(|vary| vary.values.iter().map(setting_text)).collect(),
         _ => Vec::new(),

@@ -115,6 +115,9 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
                 Frames::One(frame) => format!(", frame {frame}"),
                 Frames::Mean { finite, rows } => format!(", mean over {finite} of {rows} frames"),
             };
+            if metric == PERCEIVED && !table.is_memory_filled {
+                hint += ", too high for noise that changes in every frame, because the sequence is too short";
+            }
             let shown = match (source, error) {
                 (Source::WithError(_), Some(error)) => {
                     format!("{}{} \u{b1} {}", if found.value > 0.0 { "+" } else { "" }, significant(found.value), number(error))
@@ -453,7 +456,13 @@ fn signals(run: &RunData, table: &Table) -> String {
     }
     if let (Signal::Lit, Ok(frame)) = (table.shown, run.definition.frame_settings(&None)) {
         let display = frame.stages.display;
-        text += &format!("; lit with exposure {} stops and tone curve {}", display.exposure, display.tone_curve.name());
+        let parts = [
+            ("frame.exposure", format!("exposure {} stops", display.exposure)),
+            ("frame.tone_curve", format!("tone curve {}", display.tone_curve.name())),
+        ];
+        // A varied parameter has no single value. The line about the varied parameter lists its values.
+        let fixed: Vec<String> = parts.into_iter().filter(|(key, _)| *key != table.parameter).map(|(_, words)| words).collect();
+        text += &format!("; lit with {}", fixed.join(" and "));
     }
     if table.has(PERCEIVED) {
         let viewing = run.definition.viewing;

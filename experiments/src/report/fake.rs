@@ -5,14 +5,32 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use kernels::shading::Estimator;
-use kernels::shared::hash::unit2;
+use kernels::shared::hash::{pcg4d, unit2};
+use kernels::shared::moments::Moments;
 use kernels::variant::{Flavour, Variant};
 
+use super::numbers::Estimate;
 use super::{RunData, Verdict};
 use crate::definition::{Definition, Expectation};
 use crate::metrics::{self, Signals};
 use crate::row::Row;
 use crate::store::RunPicture;
+
+/// Number of seeded tables of a simulation.
+pub(super) const TABLES: u32 = 1000;
+
+/// A normal deviate of mean 0 and variance 1 (Box and Muller).
+fn normal(table: u32, point: u32, sample: u32, salt: u32) -> f64 {
+    let h = pcg4d([table, point, sample, salt]).map(|h| (f64::from(h) + 0.5) / 4_294_967_296.0);
+    (-2.0 * h[0].ln()).sqrt() * (std::f64::consts::TAU * h[1]).cos()
+}
+
+/// The mean of `samples` normal numbers around `mean`, with the standard error from their scatter. `at`: table, point and salt of the random numbers.
+pub(super) fn measured(mean: f64, deviation: f64, samples: u32, at: [u32; 3]) -> Estimate {
+    let mut moments = Moments::<f64>::new();
+    (0..samples).for_each(|sample| moments.add([mean + deviation * normal(at[0], at[1], sample, at[2]), 0.0]));
+    Estimate { value: moments.mean(), error: moments.standard_error().expect("several samples"), freedom: f64::from(samples - 1) }
+}
 
 /// A unique folder. It is removed when this value is dropped, unless the variable `SCREE_REPORTS` names a folder in which to keep it.
 pub(super) struct Folder {

@@ -35,13 +35,20 @@ impl Estimate {
         difference > limit(2.0 * level, freedom_of_sum([(self.error, self.freedom), (other.error, other.freedom)])) * error
     }
 
-    /// Returns the ratio of two values, and the half-width of its 95 % confidence interval, by the delta method; `None` = no standard error is known.
-    pub(super) fn over(self, other: Estimate) -> (f64, Option<f64>) {
-        let ratio = self.value / other.value;
+    /// Returns the half-width of the 95 % confidence interval; `None` = no standard error is known.
+    pub(super) fn half(self) -> Option<f64> {
+        (self.error > 0.0).then(|| half_width(self.error, self.freedom))
+    }
+
+    /// Returns the ratio of two values, with its standard error by the delta method.
+    pub(super) fn ratio(self, other: Estimate) -> Estimate {
+        let value = self.value / other.value;
         let relative = |estimate: Estimate| (estimate.error / estimate.value).abs();
-        let error = ratio.abs() * relative(self).hypot(relative(other));
-        let freedom = freedom_of_sum([(relative(self), self.freedom), (relative(other), other.freedom)]);
-        (ratio, (error > 0.0 && error.is_finite()).then(|| half_width(error, freedom)))
+        let error = value.abs() * relative(self).hypot(relative(other));
+        if !(error > 0.0 && error.is_finite()) {
+            return Estimate::exact(value);
+        }
+        Estimate { value, error, freedom: freedom_of_sum([(relative(self), self.freedom), (relative(other), other.freedom)]) }
     }
 }
 
@@ -64,6 +71,14 @@ pub(super) fn half_width(standard_error: f64, freedom: f64) -> f64 {
 /// Returns the level for each of `count` statements, such that the level for all of them together is [`LEVEL`] (Šidák's correction).
 pub(super) fn level_of_each(count: usize) -> f64 {
     significance::sidak_at(LEVEL, count)
+}
+
+/// Returns the level for each comparison of a ranking: of the best of `values` values with another one, if the numbers themselves say which is best. Any
+/// two of the values may become the best and the one that it is compared with, and either of them may be the smaller one. So each pair of values has one
+/// two-sided test, of which [`Estimate::is_above`] is one side. `metrics`: the number of rankings of which a sentence takes the first that tells
+/// something.
+pub(super) fn level_of_ranking(values: usize, metrics: usize) -> f64 {
+    level_of_each(values * values.saturating_sub(1) / 2 * metrics) / 2.0
 }
 
 /// Formats a value with three significant digits and without trailing zeros, for axes and sentences. Very small values are written with a power of
@@ -185,27 +200,26 @@ pub(super) fn speed(time: Estimate, other: Estimate) -> Option<String> {
     if !(time.value > 0.0 && other.value > 0.0 && (other.value / time.value).is_finite()) {
         return None;
     }
-    let (faster, half) = other.over(time);
+    let ratio = other.ratio(time);
+    let (faster, half) = (ratio.value, ratio.half());
     if let Some(half) = half.filter(|half| (faster - 1.0).abs() <= *half) {
         return Some(format!("as fast within chance (\u{b1} {:.0} %) as", 100.0 * half / faster));
     }
-    let said = |(ratio, half): (f64, Option<f64>)| match half {
-        Some(half) => with_interval(ratio, Some(half)),
-        None => format!("{ratio:.2}"),
+    let said = |ratio: Estimate| match ratio.half() {
+        Some(half) => with_interval(ratio.value, Some(half)),
+        None => format!("{:.2}", ratio.value),
     };
     Some(match faster {
         r if (0.98..=1.02).contains(&r) => "as fast as".to_owned(),
-        r if r > 1.0 => format!("{} times as fast as", said((faster, half))),
-        _ => format!("{} times as slow as", said(time.over(other))),
+        r if r > 1.0 => format!("{} times as fast as", said(ratio)),
+        _ => format!("{} times as slow as", said(time.ratio(other))),
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use kernels::shared::hash::pcg4d;
-    use kernels::shared::moments::Moments;
-
     use super::*;
+    use crate::report::fake::{TABLES, measured};
 
     #[test]
     fn only_nothing_reads_nought() {
@@ -261,15 +275,20 @@ mod tests {
         assert!(!Estimate::exact(f64::NAN).is_above(base, 0.5) && !base.is_above(Estimate::exact(f64::NAN), 0.5));
         // Šidák: 10 statements of this level each have 5 % together.
         assert!((1.0 - (1.0 - level_of_each(10)).powi(10) - LEVEL).abs() < 1e-12);
+        // Five values of a ranking have 10 pairs, each with two sides. Three metrics have 30 pairs.
+        assert!((2.0 * level_of_ranking(5, 1) - level_of_each(10)).abs() < 1e-15);
+        assert!((2.0 * level_of_ranking(5, 3) - level_of_each(30)).abs() < 1e-15);
+        assert!((level_of_ranking(1, 1) - LEVEL / 2.0).abs() < 1e-15, "nothing is compared");
     }
 
     #[test]
     fn ratios_have_the_interval_of_the_delta_method() {
         let estimate = |value: f64, error: f64| Estimate { value, error, freedom: f64::INFINITY };
         // Relative standard errors of 3 % and 4 % give one of 5 %.
-        let (ratio, half) = estimate(20.0, 0.6).over(estimate(5.0, 0.2));
-        assert!((ratio - 4.0).abs() < 1e-12 && (half.expect("known") - 1.96 * 0.2).abs() < 1e-3);
-        assert_eq!(Estimate::exact(20.0).over(Estimate::exact(5.0)), (4.0, None));
+        let ratio = estimate(20.0, 0.6).ratio(estimate(5.0, 0.2));
+        assert!((ratio.value - 4.0).abs() < 1e-12 && (ratio.half().expect("known") - 1.96 * 0.2).abs() < 1e-3);
+        assert_eq!(Estimate::exact(20.0).ratio(Estimate::exact(5.0)), Estimate::exact(4.0));
+        assert_eq!(Estimate::exact(4.0).half(), None);
     }
 
     /// A point without standard errors.
@@ -307,22 +326,6 @@ mod tests {
         let sharp = points.map(|p| Place { error: Estimate { error: 0.001, ..p.error }, ..p });
         assert_eq!(pareto_front(&sharp).points, [0, 1, 2, 3]);
     }
-
-    /// A normal deviate of mean 0 and variance 1 (Box and Muller).
-    fn normal(table: u32, point: u32, sample: u32, salt: u32) -> f64 {
-        let h = pcg4d([table, point, sample, salt]).map(|h| (f64::from(h) + 0.5) / 4_294_967_296.0);
-        (-2.0 * h[0].ln()).sqrt() * (std::f64::consts::TAU * h[1]).cos()
-    }
-
-    /// The mean of `samples` normal numbers around `mean`, with the standard error from their scatter.
-    fn measured(mean: f64, deviation: f64, samples: u32, at: [u32; 3]) -> Estimate {
-        let mut moments = Moments::<f64>::new();
-        (0..samples).for_each(|sample| moments.add([mean + deviation * normal(at[0], at[1], sample, at[2]), 0.0]));
-        Estimate { value: moments.mean(), error: moments.standard_error().expect("several samples"), freedom: f64::from(samples - 1) }
-    }
-
-    /// Number of seeded tables of a simulation.
-    const TABLES: u32 = 1000;
 
     /// Counts the tables for whose front `holds` is true.
     fn count(table: impl Fn(u32) -> Vec<Place>, holds: impl Fn(&Front) -> bool) -> u32 {

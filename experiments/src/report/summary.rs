@@ -389,6 +389,8 @@ pub(super) struct Table {
     pub(super) shown: Signal,
     /// Number of frames that are shown per second. The metric `perceived_noise` depends on it.
     pub(super) frames_per_second: f64,
+    /// Whether the sequence is long enough for the metric `perceived_noise` ([`metrics::is_memory_filled`]). If not, no ranking and no sentence uses it.
+    pub(super) is_memory_filled: bool,
     /// The metric that is used as the cost of a choice.
     pub(super) cost: Metric,
     /// The metric that is used as the error of a choice.
@@ -434,8 +436,8 @@ fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
-/// Returns the degrees of freedom of the standard error of a metric, if its row does not give them: one less than the number of values from whose
-/// scatter the runner computes it.
+/// Returns the degrees of freedom of the standard error of a metric for rows that do not give them, such as `clumping`, and changes in tables of earlier
+/// versions: one less than the number of values from whose scatter the runner computes it, if each frame has a value.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
     let frames = definition.frames;
     let values = match metrics::find(metric).map(|metric| metric.needs) {
@@ -551,6 +553,7 @@ impl Table {
             signals,
             shown,
             frames_per_second: run.definition.viewing.frames_per_second,
+            is_memory_filled: metrics::is_memory_filled(run.definition.frames, run.definition.viewing.of_meter().adaptation()),
             cost: if by_tile && measured(TILE_FETCHES) { TILE_FETCHES } else { FETCHES },
             error: if measured(RMSE) || !measured(FLIP) { RMSE } else { FLIP },
             summaries,

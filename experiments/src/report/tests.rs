@@ -514,6 +514,40 @@ fn the_lit_picture_is_ranked_and_shown_where_it_is_measured() {
 }
 
 #[test]
+fn a_varied_exposure_is_not_said_to_be_fixed() {
+    let varied = |parameter: &str, values: [&str; 2], list: &str| {
+        let mut rows = Rows::new();
+        for setting in values {
+            let row = Row { parameter: parameter.to_owned(), setting: setting.to_owned(), ..base("cliff") };
+            rows.put(&row, "rmse", "", 0.02, None);
+        }
+        let vary = format!("frames = 1\nvariants = [\"auto\"]\nviews = [\"cliff\"]\n[vary]\nparameter = \"{parameter}\"\nvalues = {list}");
+        text(&fake::run(definition(&vary), rows, Path::new(".")), &[])
+    };
+    let exposure = varied("frame.exposure", ["0.0", "2.0"], "[0.0, 2.0]");
+    assert!(exposure.contains("; lit with tone curve reinhard") && !exposure.contains("lit with exposure"), "{exposure}");
+    assert!(exposure.contains("frame.exposure: 0.0, 2.0"), "{exposure}");
+    let curve = varied("frame.tone_curve", ["reinhard", "clip"], "[\"reinhard\", \"clip\"]");
+    assert!(curve.contains("; lit with exposure 0 stops") && !curve.contains("and tone curve"), "{curve}");
+}
+
+#[test]
+fn perceived_noise_of_a_short_sequence_is_marked() {
+    let hint = |frames: u32| {
+        let mut rows = Rows::new();
+        rows.put(&base("cliff"), "perceived_noise", "", 0.002, None);
+        let run = fake::run(definition(&format!("frames = {frames}\nvariants = [\"auto\"]")), rows, Path::new("."));
+        let table = Table::of(&run);
+        match columns::cell(&run, &table, 0, Source::Row(PERCEIVED)) {
+            Cell::Value { hint, .. } => hint,
+            Cell::Missing(why) => panic!("{why}"),
+        }
+    };
+    assert!(hint(5).ends_with("too high for noise that changes in every frame, because the sequence is too short"), "{}", hint(5));
+    assert!(!hint(16).contains("too short"), "{}", hint(16));
+}
+
+#[test]
 fn reference_sequences_of_resolves_are_told_apart() {
     let folder = Folder::new("resolved");
     let run = fake::temporal(folder.path(), &["hashed"]);

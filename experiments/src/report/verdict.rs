@@ -3,7 +3,7 @@
 
 use std::cmp::Ordering;
 
-use super::numbers::{Front, level_of_each, number, speed, with_interval};
+use super::numbers::{Estimate, Front, level_of_each, level_of_ranking, number, speed, with_interval};
 use super::summary::{ADDED, CLUMPING, FETCHES, FLIPS, LOST, Metric, PERCEIVED, REJECTIONS, Summary, TILE_FETCHES, Table};
 
 /// Limits of the number of items in a list: for a run with one view, and for a run with several views.
@@ -170,7 +170,8 @@ fn amount(summary: &Summary, metric: Metric) -> String {
     if metric == ADDED { format!("{} a frame", value(summary, metric)) } else { say(summary, metric) }
 }
 
-/// Says in what the subject of a sentence is best if its value of a metric is the smallest. `many`: whether the subject is plural.
+/// Returns the predicate of a sentence for the choice with the smallest value of `metric`, such as `flips the fewest choices`. `many`: whether the
+/// subject of the sentence is plural.
 fn claim(table: &Table, metric: Metric, many: bool) -> String {
     let verb = |one: &str, several: &str| if many { several.to_owned() } else { one.to_owned() };
     match metric {
@@ -251,7 +252,7 @@ fn list(items: &[String], most: usize) -> String {
 enum Difference {
     /// The values differ.
     Apart,
-    /// The values differ by less than [`SMALL`].
+    /// The values differ by less than [`SMALL`], and so do all values in their confidence intervals.
     Close,
     /// The run cannot tell whether the values differ.
     Unclear,
@@ -262,20 +263,33 @@ fn relative(a: f64, b: f64) -> f64 {
     if a == b { 0.0 } else { (a - b).abs() / a.abs().max(b.abs()) }
 }
 
-/// Compares the values of a metric of two choices. They differ if their confidence intervals do not overlap, and chance explains the difference with a
-/// probability of less than `level`. If neither interval is known, the values are compared as they are.
+/// Returns the sum of the half-widths of the confidence intervals of two choices. A half-width that is not known counts as 0.
+fn halves(a: &Summary, b: &Summary, metric: Metric) -> f64 {
+    [a, b].iter().filter_map(|summary| summary.half(metric)).sum()
+}
+
+/// Whether the values of a metric of two choices differ by less than [`SMALL`], wherever in their confidence intervals the true values lie.
+fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
+    let [one, other] = [a, b].map(|summary| summary.value(metric));
+    relative(one, other) < SMALL && (one - other).abs() + halves(a, b, metric) <= SMALL * one.abs().max(other.abs())
+}
+
+/// Compares the values of a metric of two choices. They differ if they are at least [`SMALL`] apart, their confidence intervals do not overlap, and
+/// chance explains the difference with a probability of less than `level`. If neither interval is known, the values are compared as they are.
 fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     let (low, high) = if a.value(metric) <= b.value(metric) { (a, b) } else { (b, a) };
     let (from, to) = (low.value(metric), high.value(metric));
-    let known = [low, high].map(|s| s.half(metric));
     if !(from.is_finite() && to.is_finite()) {
         return Difference::Unclear;
     }
     if relative(from, to) < SMALL {
-        return Difference::Close;
+        return if is_close(low, high, metric) { Difference::Close } else { Difference::Unclear };
     }
-    let disjoint = to - from > known.iter().flatten().sum::<f64>();
-    if disjoint && high.estimate(metric).is_above(low.estimate(metric), level) { Difference::Apart } else { Difference::Unclear }
+    if to - from > halves(low, high, metric) && high.estimate(metric).is_above(low.estimate(metric), level) {
+        Difference::Apart
+    } else {
+        Difference::Unclear
+    }
 }
 
 /// Says why two values are not told apart.
@@ -287,11 +301,9 @@ fn because(difference: Difference) -> String {
 }
 
 /// Names the rows that are not told from the best one, with their values; empty if there are none.
-fn alike_words(table: &Table, ranked: &Ranking, rows: usize, name: impl Fn(usize) -> String) -> String {
-    let level = level_of_each(rows.saturating_sub(1));
+fn alike_words(table: &Table, ranked: &Ranking, name: impl Fn(usize) -> String) -> String {
     let of = |i: usize| &table.summaries[i];
-    let is_close = |i: &usize| compare(of(ranked.best), of(*i), ranked.metric, level) == Difference::Close;
-    let (close, unclear): (Vec<usize>, Vec<usize>) = ranked.alike.iter().partition(|i| is_close(i));
+    let (close, unclear): (Vec<usize>, Vec<usize>) = ranked.alike.iter().partition(|&&i| is_close(of(ranked.best), of(i), ranked.metric));
     let words = |rows: &[usize], before: &str| {
         let items: Vec<String> = rows.iter().map(|&i| format!("{} ({})", name(i), value(of(i), ranked.metric))).collect();
         if items.is_empty() { String::new() } else { format!(", {before} {}", list(&items, LISTED)) }
@@ -309,9 +321,22 @@ fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) 
     rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
 }
 
+/// Whether answers may use a metric. They do not use perceived noise of a sequence that is too short for it.
+fn is_usable(table: &Table, metric: Metric) -> bool {
+    metric != PERCEIVED || table.is_memory_filled
+}
+
+/// Returns those of the rows that have a finite value of a metric; none if answers may not use the metric ([`is_usable`]).
+fn known(table: &Table, rows: &[usize], metric: Metric) -> Vec<usize> {
+    if !is_usable(table, metric) {
+        return Vec::new();
+    }
+    rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect()
+}
+
 /// Returns the rows with the smallest and the largest value of a metric; `None` if no row has a finite value.
 fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usize)> {
-    let mut known: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect();
+    let mut known = known(table, rows, metric);
     // If several rows have equal values, the row that comes first in the definition is returned, because the sort is stable.
     known.sort_by(|&a, &b| table.summaries[a].value(metric).total_cmp(&table.summaries[b].value(metric)));
     let low = *known.first()?;
@@ -323,6 +348,8 @@ fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usi
 /// The best rows by a metric.
 struct Ranking {
     metric: Metric,
+    /// The level of each comparison with the best row ([`level_of_ranking`]).
+    level: f64,
     /// The row with the smallest value.
     best: usize,
     /// The row with the largest value.
@@ -333,14 +360,15 @@ struct Ranking {
     alike: Vec<usize>,
 }
 
-/// Ranks the rows by a metric; `None` if fewer than two rows have a finite value.
-fn ranking(table: &Table, rows: &[usize], metric: Metric) -> Option<Ranking> {
-    let known: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect();
+/// Ranks the rows by a metric; `None` if fewer than two rows have a finite value. `tried`: the number of metrics by which the rows are ranked to find
+/// one that tells something.
+fn ranking(table: &Table, rows: &[usize], metric: Metric, tried: usize) -> Option<Ranking> {
+    let known = known(table, rows, metric);
     let (best, worst) = extremes(table, &known, metric).filter(|_| known.len() > 1)?;
-    let level = level_of_each(known.len() - 1);
+    let level = level_of_ranking(known.len(), tried);
     let difference = |i: usize| compare(&table.summaries[best], &table.summaries[i], metric, level);
     let alike = known.iter().copied().filter(|&i| i != best && difference(i) != Difference::Apart).collect();
-    Some(Ranking { metric, best, worst, difference: difference(worst), alike })
+    Some(Ranking { metric, level, best, worst, difference: difference(worst), alike })
 }
 
 // ---- Noises. ----
@@ -356,7 +384,7 @@ fn rows_of_noises(table: &Table, rows: &[usize]) -> Vec<usize> {
 fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let own = rows_of_noises(table, rows);
     let metrics = [ADDED, PERCEIVED, FLIPS, table.error];
-    let Some(ranked) = metrics.into_iter().find_map(|metric| ranking(table, &own, metric)) else { return one_told(table, &own) };
+    let Some(ranked) = metrics.into_iter().find_map(|metric| ranking(table, &own, metric, 1)) else { return one_told(table, &own) };
     let of = |i: usize| &table.summaries[i];
     let name = |i: usize| of(i).key.noise.as_str();
     let Ranking { metric, best, worst, difference, .. } = ranked;
@@ -382,7 +410,7 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let claim = claim(table, metric, many);
     let mut sentence = format!("{names} noise {claim}: {}{on}", amount(of(best), metric));
     if many {
-        sentence += &format!(" with {}{}", name(best), alike_words(table, &ranked, own.len(), |i| name(i).to_owned()));
+        sentence += &format!(" with {}{}", name(best), alike_words(table, &ranked, |i| name(i).to_owned()));
     }
     sentence += &format!(", against {} with {} noise", value(of(worst), metric), name(worst));
     if metric == ADDED {
@@ -395,13 +423,12 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
 
 /// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured.
 fn eye(table: &Table, rows: &[usize], best: usize, subject: &str) -> Option<String> {
-    let Ranking { best: quiet, worst: noisy, .. } = ranking(table, rows, PERCEIVED)?;
+    let Ranking { best: quiet, worst: noisy, level, .. } = ranking(table, rows, PERCEIVED, 1)?;
     let of = |i: usize| &table.summaries[i];
     let name = |i: usize| of(i).key.noise.as_str();
     if !of(best).value(PERCEIVED).is_finite() {
         return None;
     }
-    let level = level_of_each(rows.len() - 1);
     let against = |i: usize| format!("{} {} against {}", PERCEIVED.words, value(of(best), PERCEIVED), value(of(i), PERCEIVED));
     let rate = at_rate(table);
     Some(if compare(of(quiet), of(best), PERCEIVED, level) == Difference::Apart {
@@ -445,8 +472,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
     for metric in [ADDED, LOST, PERCEIVED, table.error] {
         if let Some((low, high)) = extremes(table, &rows, metric) {
             let of = |i: usize| value(&table.summaries[i], metric);
-            let is_close = relative(table.summaries[low].value(metric), table.summaries[high].value(metric)) < SMALL;
-            text += &if is_close {
+            text += &if is_close(&table.summaries[low], &table.summaries[high], metric) {
                 format!("; {} is {} with all noises", metric.words, of(low))
             } else {
                 format!("; {} ranges from {} ({}) to {} ({})", metric.words, of(low), name(low), of(high), name(high))
@@ -480,7 +506,8 @@ fn parameter_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let name = |i: usize| of(i).key.setting.as_str();
     // The metrics in the order in which they decide: first what is seen, then the cost. Flips and clumping are causes of what is seen.
     let metrics = [ADDED, PERCEIVED, table.error, table.cost, FLIPS, CLUMPING];
-    let ranked: Vec<Ranking> = metrics.into_iter().filter_map(|metric| ranking(table, &rows, metric)).collect();
+    let tried = metrics.iter().filter(|&&metric| known(table, &rows, metric).len() > 1).count();
+    let ranked: Vec<Ranking> = metrics.into_iter().filter_map(|metric| ranking(table, &rows, metric, tried)).collect();
     let Some(lead) = ranked.iter().find(|ranked| ranked.difference == Difference::Apart) else {
         let range = |r: &Ranking| format!("{} {} to {}", r.metric.words, value(of(r.best), r.metric), value(of(r.worst), r.metric));
         let ranges: Vec<String> = ranked.iter().take(LISTED_OF_VIEWS).map(range).collect();
@@ -504,12 +531,11 @@ fn parameter_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let numbers = format!("{} against {} at {}", value(of(best), metric), value(of(worst), metric), name(worst));
     let claim = claim(table, metric, false);
     let mut sentence = format!("of {}, {} {claim}: {}", values_of(table, &rows), name(best), amount(of(best), metric));
-    sentence += &alike_words(table, lead, rows.len(), |i| name(i).to_owned());
+    sentence += &alike_words(table, lead, |i| name(i).to_owned());
     sentence += &format!(", against {} at {}", value(of(worst), metric), name(worst));
-    let level = level_of_each(rows.len() - 1);
     let drawbacks = ranked.iter().filter(|r| [PERCEIVED, table.error, table.cost, CLUMPING].contains(&r.metric) && r.metric != metric);
     let drawbacks: Vec<String> = drawbacks
-        .filter(|r| compare(of(r.best), of(best), r.metric, level) == Difference::Apart)
+        .filter(|r| compare(of(r.best), of(best), r.metric, r.level) == Difference::Apart)
         .take(DRAWBACKS)
         .map(|r| {
             let [here, least] = [best, r.best].map(|i| value(of(i), r.metric));
@@ -532,8 +558,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
     let of = |m: Metric, i: usize| value(&table.summaries[i], m);
     let metrics = [ADDED, LOST, PERCEIVED, table.error, table.cost, FLIPS, CLUMPING];
     let known: Vec<(Metric, (usize, usize))> = metrics.into_iter().filter_map(|m| Some((m, extremes(table, &rows, m)?))).collect();
-    let is_still =
-        |(m, (low, high)): &(Metric, (usize, usize))| relative(table.summaries[*low].value(*m), table.summaries[*high].value(*m)) < SMALL;
+    let is_still = |(m, (low, high)): &(Metric, (usize, usize))| is_close(&table.summaries[*low], &table.summaries[*high], *m);
     let (still, moved): (Vec<_>, Vec<_>) = known.into_iter().partition(is_still);
     let mut parts: Vec<String> = moved
         .iter()
@@ -577,25 +602,30 @@ fn base_of(table: &Table) -> Option<&String> {
 /// The factor by which a resolve multiplies a metric of a choice.
 struct Factor {
     pair: Pair,
-    ratio: f64,
-    /// Half-width of the confidence interval; `None` = not known.
-    half: Option<f64>,
+    estimate: Estimate,
 }
 
 impl Factor {
     fn of(table: &Table, pair: Pair, metric: Metric) -> Option<Factor> {
         let [before, after] = [pair.0, pair.1].map(|i| table.summaries[i].estimate(metric));
-        let (ratio, half) = after.over(before);
-        (ratio.is_finite() && ratio > 0.0).then_some(Factor { pair, ratio, half })
+        let estimate = after.ratio(before);
+        (is_usable(table, metric) && estimate.value.is_finite() && estimate.value > 0.0).then_some(Factor { pair, estimate })
+    }
+
+    fn ratio(&self) -> f64 {
+        self.estimate.value
     }
 
     fn words(&self) -> String {
-        with_interval(self.ratio, self.half)
+        with_interval(self.ratio(), self.estimate.half())
     }
 
-    /// Whether the factor differs from another number that has an interval of its own.
-    fn differs_from(&self, ratio: f64, half: Option<f64>) -> bool {
-        relative(self.ratio, ratio) >= SMALL && (self.ratio - ratio).abs() > self.half.unwrap_or(0.0) + half.unwrap_or(0.0)
+    /// Whether the factor is larger than another one, by the same rules as those of [`compare`].
+    fn is_above(&self, other: &Factor, level: f64) -> bool {
+        let halves: f64 = [self, other].iter().filter_map(|factor| factor.estimate.half()).sum();
+        relative(self.ratio(), other.ratio()) >= SMALL
+            && self.ratio() - other.ratio() > halves
+            && self.estimate.is_above(other.estimate, level)
     }
 }
 
@@ -612,9 +642,9 @@ fn temporal_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let all: Vec<(&String, Vec<Factor>)> =
         resolves.iter().map(|&resolve| (resolve, factors(resolve, metric))).filter(|(_, factors)| !factors.is_empty()).collect();
     // Resolves are compared by the geometric mean of their factors.
-    let mean = |factors: &[Factor]| factors.iter().map(|f| f.ratio.ln()).sum::<f64>() / factors.len() as f64;
+    let mean = |factors: &[Factor]| factors.iter().map(|f| f.ratio().ln()).sum::<f64>() / factors.len() as f64;
     let (resolve, factors) = all.iter().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1)))?;
-    let by_ratio = |a: &&Factor, b: &&Factor| -> Ordering { a.ratio.total_cmp(&b.ratio) };
+    let by_ratio = |a: &&Factor, b: &&Factor| -> Ordering { a.ratio().total_cmp(&b.ratio()) };
     let (least, most) = (factors.iter().min_by(by_ratio)?, factors.iter().max_by(by_ratio)?);
     let of = |i: usize| &table.summaries[i];
     let noise = |factor: &Factor| of(factor.pair.0).key.noise.as_str();
@@ -626,8 +656,11 @@ fn temporal_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let (what, on) = (metric.words, on(of(before)));
     let among = if all.len() > 1 { format!("of {} resolves, ", all.len()) } else { String::new() };
     let numbers = if several { format!("factors {} to {}", least.words(), most.words()) } else { format!("factor {}", least.words()) };
-    if !(least.ratio < 1.0 && least.differs_from(1.0, None)) {
-        let sure = least.ratio > 1.0 && least.differs_from(1.0, None);
+    // The smallest of all factors is tested, so each of them counts as one test.
+    let level = level_of_each(all.iter().map(|(_, factors)| factors.len()).sum());
+    let is_told = compare(of(before), of(after), metric, level) == Difference::Apart;
+    if !(least.ratio() < 1.0 && is_told) {
+        let sure = least.ratio() > 1.0 && is_told;
         let start = if sure {
             format!("no resolve removes {what}{on}")
         } else {
@@ -643,7 +676,7 @@ fn temporal_told(table: &Table, rows: &[usize]) -> Option<Told> {
     }
     let mut sentence = format!("{among}{resolve} removes the most {what}{on}: it multiplies it by {change}");
     if several {
-        sentence += &if most.differs_from(least.ratio, least.half) {
+        sentence += &if most.is_above(least, level_of_ranking(factors.len(), 1)) {
             format!(" and by {} with {} noise, of which the most survives", most.words(), noise(most))
         } else {
             format!("; the run cannot tell which noise survives best (up to {} with {} noise)", most.words(), noise(most))
@@ -702,7 +735,7 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
 enum Change {
     /// The metric changes; the text gives the values or their ratios.
     Moved(String),
-    /// The metric changes by less than [`SMALL`].
+    /// The metric of no pair changes by [`SMALL`] or more ([`is_close`]).
     Still,
 }
 
@@ -710,9 +743,9 @@ enum Change {
 /// gives the range of ratios.
 fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
     let mut known: Vec<Factor> = pairs.iter().filter_map(|&pair| Factor::of(table, pair, metric)).collect();
-    known.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+    known.sort_by(|a, b| a.ratio().total_cmp(&b.ratio()));
     let (least, most) = (known.first()?, known.last()?);
-    if [least, most].iter().all(|f| (f.ratio - 1.0).abs() < SMALL) {
+    if known.iter().all(|f| is_close(&table.summaries[f.pair.0], &table.summaries[f.pair.1], metric)) {
         return Some(Change::Still);
     }
     let of = |i: usize| value(&table.summaries[i], metric);
@@ -726,7 +759,7 @@ fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
         let words: Vec<&str> = words.iter().filter(|(all, _)| all.len() > 1).map(|(_, v)| v.as_str()).collect();
         format!("{} ({}: {} to {})", f.words(), words.join(", "), of(f.pair.0), of(f.pair.1))
     };
-    if most.ratio - least.ratio < SMALL * most.ratio {
+    if most.ratio() - least.ratio() < SMALL * most.ratio() {
         return Some(Change::Moved(format!("{} by a factor of {}", metric.words, least.words())));
     }
     Some(Change::Moved(format!("{} by a factor of {} to {}", metric.words, said(least), said(most))))
@@ -1016,7 +1049,7 @@ fn without_cost(table: &Table, rows: &[usize]) -> Option<Told> {
     let of = |i: usize| &table.summaries[i];
     let item = |i: usize| format!("{} ({})", table.label(&of(i).key), price(table, &[of(i)]));
     let what = format!("no cost was measured; by {},", metric.words);
-    let level = level_of_each(rows.len() - 1);
+    let level = level_of_ranking(known(table, rows, metric).len(), 1);
     let difference = if low == high { Difference::Apart } else { compare(of(low), of(high), metric, level) };
     let sentence = match difference {
         _ if low == high => format!("{what} the only choice is {}", item(low)),
@@ -1037,7 +1070,8 @@ fn without_cost(table: &Table, rows: &[usize]) -> Option<Told> {
 fn one_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let summary = &table.summaries[*rows.first()?];
     let metrics = [table.cost, table.error, ADDED, LOST, PERCEIVED];
-    let parts: Vec<String> = metrics.into_iter().filter(|m| !summary.value(*m).is_nan()).map(|m| say(summary, m)).collect();
+    let parts: Vec<String> =
+        metrics.into_iter().filter(|&m| is_usable(table, m) && !summary.value(m).is_nan()).map(|m| say(summary, m)).collect();
     if parts.is_empty() {
         return None;
     }
@@ -1056,7 +1090,7 @@ mod tests {
     use super::*;
     use crate::metrics::{self, Axis};
     use crate::report::RunData;
-    use crate::report::fake::{self, Rows, base, definition};
+    use crate::report::fake::{self, Rows, TABLES, base, definition, measured};
     use crate::row::Row;
 
     /// A number of a choice: its metric, its value and its standard error.
@@ -1065,6 +1099,15 @@ mod tests {
     /// Returns the answer of a run of albedo in 16 frames, with the given choices and their numbers. Standard errors of changes have 14 degrees of freedom,
     /// so a 95 % interval has a half-width of 2.145 of them. Perceived noise is measured in four frames: 3.182.
     fn said(choices: &[(Row, Vec<Figure>)]) -> String {
+        said_in(16, choices)
+    }
+
+    /// The same for another number of frames.
+    fn said_in(frames: u32, choices: &[(Row, Vec<Figure>)]) -> String {
+        verdict(&table_of(frames, choices))
+    }
+
+    fn table_of(frames: u32, choices: &[(Row, Vec<Figure>)]) -> Table {
         let mut rows = Rows::new();
         for (row, numbers) in choices {
             for &(metric, value, error) in numbers {
@@ -1072,7 +1115,8 @@ mod tests {
                 rows.put(&Row { lag, signal: "albedo".to_owned(), ..row.clone() }, metric, "", value, error);
             }
         }
-        verdict(&Table::of(&fake::run(definition("frames = 16\nseeds = 8\nvariants = [\"all\"]"), rows, Path::new("."))))
+        let definition = definition(&format!("frames = {frames}\nseeds = 8\nvariants = [\"all\"]"));
+        Table::of(&fake::run(definition, rows, Path::new(".")))
     }
 
     /// Returns the first line of the answer.
@@ -1273,6 +1317,28 @@ mod tests {
     }
 
     #[test]
+    fn perceived_noise_of_short_sequences_is_in_no_answer() {
+        let noises = [
+            (noise("hashed"), vec![adds(0.0012, 0.00001), seen(0.0021, 0.00001)]),
+            (noise("white"), vec![adds(0.0048, 0.00001), seen(0.0012, 0.00001)]),
+        ];
+        let looks =
+            [0.0021, 0.0012].map(|value| (setting("p", &value.to_string()), vec![seen(value, 0.00001), ("rmse", 10.0 * value, None)]));
+        let resolves = ["off", "exponential"].map(|temporal| {
+            let row = Row { temporal: temporal.to_owned(), ..noise("hashed") };
+            (row, vec![adds(if temporal == "off" { 0.004 } else { 0.001 }, 0.00001), seen(0.002, 0.00001)])
+        });
+        let one = [(noise("hashed"), vec![adds(0.0012, 0.00001), seen(0.0021, 0.00001)])];
+        for choices in [&noises[..], &looks[..], &resolves[..], &one[..]] {
+            let [long, short] = [16, 15].map(|frames| said_in(frames, choices));
+            assert!(long.contains("perceived noise"), "{long}");
+            assert!(!short.contains("perceived noise") && !short.contains("the eye"), "{short}");
+            assert!(!short.starts_with("No row"), "{short}");
+        }
+        assert!(said_in(15, &looks).starts_with("Of 2 values of p, 0.0012 is closest to the reference"), "{}", said_in(15, &looks));
+    }
+
+    #[test]
     fn noises_whose_intervals_overlap_are_not_ranked() {
         let two = |a: f64, b: f64, error: f64| first(&[(noise("hashed"), vec![adds(a, error)]), (noise("white"), vec![adds(b, error)])]);
         assert_eq!(
@@ -1456,20 +1522,24 @@ mod tests {
             text.contains("exact adds the least change (added change 0.000750 \u{b1} 0.000032, flip rate 0.00540 \u{b1} 0.00013"),
             "{text}"
         );
-        let of = |estimator: &str, fetches: f64, rmse: f64, added: f64| {
-            let row = Row { estimator: estimator.to_owned(), ..variant("near-cliff") };
-            (row, vec![("fetches_per_px", fetches, None), ("rmse", rmse, Some(0.0005)), adds(added, 0.0002)])
+        let measured = |rmse: f64, error: f64| {
+            let of = |estimator: &str, fetches: f64, rmse: f64, added: f64| {
+                let row = Row { estimator: estimator.to_owned(), ..variant("near-cliff") };
+                (row, vec![("fetches_per_px", fetches, None), ("rmse", rmse, Some(error)), adds(added, 0.0002)])
+            };
+            first(&[of("fc5", 12.0, 0.047, 0.012), of("biplanar", 8.0, rmse, 0.013), of("exact", 48.0, 0.009, 0.0006)])
         };
-        let others =
-            |rmse: f64| first(&[of("fc5", 12.0, 0.047, 0.012), of("biplanar", 8.0, rmse, 0.013), of("exact", 48.0, 0.009, 0.0006)]);
+        let others = |rmse: f64| measured(rmse, 0.0005);
         // The standard error of a single frame's RMSE is not known in real runs; here it is.
         assert!(
-            others(0.0475).starts_with(
+            measured(0.0475, 0.0001).starts_with(
                 "biplanar is cheaper than fc5 on near-cliff at errors which differ by less than 2 % (8.0 against 12.0 fetches"
             ),
             "{}",
-            others(0.0475)
+            measured(0.0475, 0.0001)
         );
+        // The values differ by 1 %, but their intervals are wider than 2 %.
+        assert!(others(0.0475).contains("at errors which the run cannot tell apart (8.0 against 12.0 fetches"), "{}", others(0.0475));
         assert!(
             others(0.0485).contains("at errors which the run cannot tell apart (8.0 against 12.0 fetches per pixel, RMSE 0.0485"),
             "{}",
@@ -1481,6 +1551,97 @@ mod tests {
              0.0011); the nearest cheaper one is biplanar (8.0 fetches per pixel, RMSE 0.0600 \u{b1} 0.0011); the closest one is exact (48.0 fetches per \
              pixel, RMSE 0.0090 \u{b1} 0.0011)."
         );
+    }
+
+    #[test]
+    fn values_are_only_close_if_their_intervals_are_narrow() {
+        let of = |from: f64, to: f64, error: Option<f64>| {
+            let figures = [from, to].map(|value| (noise("hashed"), vec![("added", value, error)]));
+            let [a, b] = figures.map(|figure| table_of(16, &[figure]).summaries.remove(0));
+            (compare(&a, &b, ADDED, 0.05), is_close(&a, &b, ADDED))
+        };
+        // Half-widths are 2.145 standard errors each, and 2 % of the larger value are 0.000202.
+        assert_eq!(of(0.0100, 0.0101, Some(0.005 / 2.145)), (Difference::Unclear, false));
+        assert_eq!(of(0.0100, 0.0101, Some(0.00005 / 2.145)), (Difference::Close, true));
+        assert_eq!(of(0.0100, 0.0101, Some(0.00006 / 2.145)), (Difference::Unclear, false));
+        assert_eq!(of(0.0100, 0.0101, None), (Difference::Close, true));
+        assert_eq!([of(0.0, 0.0, None), of(0.01, 0.0101, Some(0.0))], [(Difference::Close, true); 2]);
+        assert_eq!(of(0.0100, 0.0103, Some(0.00001)), (Difference::Apart, false));
+        // The details say so, too.
+        let scale = |value: &str, error: f64| (setting("p", value), vec![("rmse", if value == "1" { 0.05 } else { 0.0501 }, Some(error))]);
+        assert!(said(&[scale("1", 1e-5), scale("2", 1e-5)]).contains("the parameter changes RMSE by less than 2 %"));
+        let text = said(&[scale("1", 0.01), scale("2", 0.01)]);
+        assert!(text.contains("RMSE ranges from") && !text.contains("by less than"), "{text}");
+        let resolve = |temporal: &str, error: f64| {
+            let row = Row { temporal: temporal.to_owned(), ..noise("hashed") };
+            (row, vec![adds(if temporal == "off" { 0.004 } else { 0.001 }, 1e-5), ("flip_rate", 0.3, Some(error))])
+        };
+        assert!(said(&[resolve("off", 1e-5), resolve("flipquad", 1e-5)]).contains("changes flip rate by less than 2 %"));
+        let text = said(&[resolve("off", 0.01), resolve("flipquad", 0.01)]);
+        assert!(text.contains("flip rate from 0.300") && !text.contains("by less than"), "{text}");
+    }
+
+    /// Counts the seeded tables for whose answer `holds` is true. Each metric has the same true value in all `rows`, and is given with the number of
+    /// values from which it is measured.
+    fn count(rows: &[Row], metrics: &[(&'static str, u32)], salt: u32, holds: impl Fn(&Table) -> bool) -> u32 {
+        let table = |seed: u32| {
+            let figures = |(point, row): (u32, &Row)| {
+                let figure = |(k, &(metric, samples)): (u32, &(&'static str, u32))| {
+                    let Estimate { value, error, .. } = measured(1.0, 0.1, samples, [seed, point, salt + k]);
+                    (metric, value, Some(error))
+                };
+                (row.clone(), (0..).zip(metrics).map(figure).collect::<Vec<Figure>>())
+            };
+            table_of(16, &(0..).zip(rows).map(figures).collect::<Vec<_>>())
+        };
+        (0..TABLES).map(|seed| u32::from(holds(&table(seed)))).sum()
+    }
+
+    /// Added change is measured in 15 groups of frames.
+    const CHANGE: (&str, u32) = ("added", 15);
+
+    #[test]
+    fn noise_alone_seldom_ranks_equal_values() {
+        for values in [6, 12, 20] {
+            let rows: Vec<Row> = (0..values).map(|value| noise(&format!("noise-{value}"))).collect();
+            let is_told = |table: &Table| {
+                let ranked = ranking(table, &table.of_view("cliff"), ADDED, 1).expect("values");
+                ranked.difference == Difference::Apart
+            };
+            let wrong = count(&rows, &[CHANGE], 6, is_told);
+            assert!(wrong <= TABLES / 20, "{wrong} of {TABLES} tables of {values} equal values have a best one");
+        }
+        // Negative control: tested as if the best and the worst value were named beforehand, and without the rule that intervals must not overlap.
+        let rows: Vec<Row> = (0..12).map(|value| noise(&format!("noise-{value}"))).collect();
+        let blind = |table: &Table| {
+            let Some((low, high)) = extremes(table, &table.of_view("cliff"), ADDED) else { return false };
+            table.summaries[high].estimate(ADDED).is_above(table.summaries[low].estimate(ADDED), 0.05)
+        };
+        assert!(count(&rows, &[CHANGE], 6, blind) > 700, "the simulation has no noise");
+    }
+
+    #[test]
+    fn noise_alone_seldom_makes_a_parameter_matter() {
+        // The sentence takes the first of four metrics that tells eight values apart. Of 16 frames, 15 have a flip rate, and 4 have perceived noise.
+        let rows: Vec<Row> = (0..8).map(|value| setting("p", &value.to_string())).collect();
+        let metrics = [CHANGE, ("perceived_noise", 4), ("rmse", 16), ("flip_rate", 15)];
+        let is_told = |table: &Table| parameter_told(table, &table.of_view("cliff")).expect("values").sure;
+        let wrong = count(&rows, &metrics, 8, is_told);
+        assert!(wrong <= TABLES / 20, "{wrong} of {TABLES} tables have a best value of a parameter that changes nothing");
+    }
+
+    #[test]
+    fn noise_alone_seldom_makes_a_resolve_remove_change() {
+        // Three resolves with four noises are 12 factors, all of which are 1.
+        let mut rows = Vec::new();
+        for temporal in ["off", "exponential", "flipquad", "smaa"] {
+            rows.extend(["hashed", "white", "blue", "world"].map(|name| Row { temporal: temporal.to_owned(), ..noise(name) }));
+        }
+        let told = |table: &Table| temporal_told(table, &table.of_view("cliff")).expect("factors");
+        let wrong = count(&rows, &[CHANGE], 7, |table| told(table).sure);
+        assert!(wrong <= TABLES / 20, "{wrong} of {TABLES} tables have a resolve that removes or adds change by chance");
+        let text = told(&table_of(16, &rows.iter().map(|row| (row.clone(), vec![adds(1.0, 0.1)])).collect::<Vec<_>>())).sentence;
+        assert!(text.starts_with("the run cannot tell whether a resolve removes added change on near-cliff"), "{text}");
     }
 
     #[test]

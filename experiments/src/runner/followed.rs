@@ -14,6 +14,7 @@ use super::reference::Changes;
 use super::{Labels, Mark};
 use crate::metrics::{self, GROUPS};
 use crate::row::Row;
+use crate::significance::Mean;
 
 /// Sums of one stream over all frames. The values over all frames are computed from these sums.
 pub(super) struct Followed {
@@ -178,7 +179,7 @@ impl Followed {
             if moments.count == 0 {
                 return Ok(());
             }
-            labels.put_of(rows, name, self.signal, metric, mark, moments.mean(), moments.standard_error())
+            labels.put_mean(rows, name, self.signal, metric, mark, mean_of(moments))
         };
         if once {
             put(metrics::FETCHES_PER_PX, all, &self.fetches)?;
@@ -198,8 +199,8 @@ impl Followed {
         }
         for (lag, sums) in self.lags.iter().enumerate() {
             for (metric, of) in OF_RESIDUAL {
-                if let Some((value, error)) = jackknife(&sums.residuals, of) {
-                    labels.put_of(rows, name, self.signal, metric, all.lag(lag + 1), value, error)?;
+                if let Some(mean) = jackknife(&sums.residuals, of) {
+                    labels.put_mean(rows, name, self.signal, metric, all.lag(lag + 1), mean)?;
                 }
             }
         }
@@ -215,20 +216,27 @@ impl Followed {
     }
 }
 
+/// Returns the mean over frames. Its standard error, which is `None` for fewer than two frames, has one degree of freedom less than there are frames.
+fn mean_of(moments: &Moments<f64>) -> Mean {
+    let standard_error = moments.standard_error();
+    Mean { value: moments.mean(), standard_error, freedom: standard_error.map(|_| f64::from(moments.count - 1)) }
+}
+
 /// Returns the value over all groups and its standard error, by the delete-one jackknife over groups (Efron and Tibshirani 1993, *An Introduction to
-/// the Bootstrap*, chapter 11). The error is `None` with fewer than two groups. Returns `None` if there is no value.
-fn jackknife(groups: &[Residual], of: OfResidual) -> Option<(f64, Option<f64>)> {
+/// the Bootstrap*, chapter 11). It has one degree of freedom less than there are groups with pixels. The error is `None` with fewer than two such groups.
+/// Returns `None` if there is no value.
+fn jackknife(groups: &[Residual], of: OfResidual) -> Option<Mean> {
     let mut all = Residual::default();
     groups.iter().for_each(|group| all.add(group));
     let value = of(&all)?;
     let without: Vec<f64> = groups.iter().filter(|group| group.compared > 0).filter_map(|group| of(&all.without(group))).collect();
     let count = without.len() as f64;
     if without.len() < 2 {
-        return Some((value, None));
+        return Some(Mean { value, standard_error: None, freedom: None });
     }
     let mean = without.iter().sum::<f64>() / count;
     let squares: f64 = without.iter().map(|v| (v - mean).powi(2)).sum();
-    Some((value, Some(((count - 1.0) / count * squares).sqrt())))
+    Some(Mean { value, standard_error: Some(((count - 1.0) / count * squares).sqrt()), freedom: Some(count - 1.0) })
 }
 
 #[cfg(test)]
@@ -244,10 +252,15 @@ mod tests {
         let mut groups: Vec<Residual> = values.iter().map(|&v| group(v)).collect();
         // Groups without pixels, such as the first frame, do not count.
         groups.push(Residual::default());
-        let (value, error) = jackknife(&groups, Residual::mean).expect("a value");
+        let Mean { value, standard_error, freedom } = jackknife(&groups, Residual::mean).expect("a value");
         assert!((value - moments.mean()).abs() < 1e-12);
-        assert!((error.expect("five groups") - moments.standard_error().expect("five values")).abs() < 1e-12);
-        assert_eq!(jackknife(&groups[..1], Residual::mean), Some((0.3, None)), "one group has no scatter");
+        assert!((standard_error.expect("five groups") - moments.standard_error().expect("five values")).abs() < 1e-12);
+        assert_eq!([freedom, mean_of(&moments).freedom], [Some(4.0); 2]);
+        let one = Mean { value: 0.3, standard_error: None, freedom: None };
+        assert_eq!(jackknife(&groups[..1], Residual::mean), Some(one), "one group has no scatter");
+        let mut first = Moments::<f64>::new();
+        first.add([0.3, 0.0]);
+        assert_eq!(mean_of(&first), one, "one frame has no scatter");
         assert_eq!(jackknife(&[Residual::default()], Residual::mean), None, "no linked pixel");
     }
 

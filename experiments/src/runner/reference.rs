@@ -3,9 +3,9 @@
 //! The reference sequence consists of 96-fetch pictures with one sample per pixel, along the same path as the pictures under test. There is one for
 //! each temporal resolve: it has the same sample points, and passes through the same resolve. Its pictures are stored for the sweeps of the view.
 //!
-//! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points of the R2
-//! sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different batches are
-//! independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the standard
+//! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points
+//! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
+//! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the standard
 //! error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. Without a temporal resolve, no shading is expected to have
 //! a smaller error than that blend.
 
@@ -29,7 +29,7 @@ use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use serde::{Deserialize, Serialize};
 
-use super::sequence::{Pictures, Writer};
+use super::sequence::{AGAIN, Pictures, Writer};
 use super::{Labels, Mark, Runner, parse, pictures, truth, views};
 use crate::judge::Image;
 use crate::metrics;
@@ -100,8 +100,8 @@ impl Reference {
         let image = Image::read(&file, None).with_context(|| format!("the reference {} cannot be used", file.display()))?;
         let mask = image.terrain().with_context(|| format!("{} has no alpha that marks terrain", file.display()))?;
         let json = file.with_extension("json");
-        let bytes = fs::read(&json).with_context(|| format!("cannot read {}", json.display()))?;
-        let record: Record = serde_json::from_slice(&bytes).with_context(|| format!("{} is corrupt", json.display()))?;
+        let bytes = fs::read(&json).with_context(|| format!("cannot read {}: {AGAIN}", json.display()))?;
+        let record: Record = serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged: {AGAIN}", json.display()))?;
         let file = file.with_extension(SEQUENCE);
         let mut colours = BTreeMap::new();
         for signal in signals {
@@ -126,7 +126,8 @@ impl Reference {
     /// The sequence is missing or damaged.
     pub(super) fn sequence(&self, resolve: Resolve) -> Result<Frames<'_>> {
         let name = resolve.to_string();
-        let sequence = self.record.sequences.get(&name).with_context(|| format!("{} has no sequence `{name}`", self.file.display()))?;
+        let sequence =
+            self.record.sequences.get(&name).with_context(|| format!("{} has no sequence `{name}`: {AGAIN}", self.file.display()))?;
         Ok(Frames { pictures: Pictures::open(&self.file, sequence.place, self.mask.len())?, sequence })
     }
 }
@@ -236,7 +237,8 @@ impl Converging {
                     sum[0][k] += f64::from(texel[k]);
                     sum[1][k] += f64::from(hdr[k]);
                 }
-                *terrain &= hdr[3] > 0.0;
+                // A colour that is not finite would be left out of the mean without a word, so the pixel is not compared.
+                *terrain &= hdr[3] > 0.0 && hdr.iter().chain(texel).all(|value| value.is_finite());
             }
         }
         let mean = |sum: [f64; 3]| sum.map(|sum| sum / f64::from(BATCH));
@@ -288,6 +290,7 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
+        let mut invalid = 0;
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
             let tracks: Vec<Track> =
@@ -305,6 +308,7 @@ impl Runner<'_> {
                     let shaded = renderer.draw_flavours(&request, splat, &stage.layers)?;
                     let (sums, _) = shaded.measure(&stage.layers, &mut meter, &vec![Some(splat); tracks.len()])?;
                     for (stream, sums) in sums.iter().enumerate() {
+                        invalid += sums.invalid;
                         let picture = meter.picture(gpu, stream, 0)?;
                         add(&picture)?;
                         // Videos show the last signal, which is the lit picture, if it is measured.
@@ -358,6 +362,12 @@ impl Runner<'_> {
             unit.view
         );
         let (albedo, lit) = (all.albedo.mean(), all.lit());
+        if invalid > 0 {
+            eprintln!(
+                "note: view `{}`: {invalid} pixels of the reference sequence have a colour that is not finite; nothing is compared with them",
+                unit.view
+            );
+        }
         let of_lit = if signals.contains(&Signal::Lit) {
             Some(output.section(|add| packed(&lit).iter().try_for_each(|picture| add(picture)))?)
         } else {

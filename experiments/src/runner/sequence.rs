@@ -82,6 +82,13 @@ fn failed(file: &Path) -> String {
     format!("cannot write {}: make room if the disk is full", file.display())
 }
 
+/// The remedy if a file of a reference cannot be used.
+pub(super) const AGAIN: &str = "repeat the command with --resume, so that the reference is rendered again";
+
+fn unreadable(file: &Path) -> String {
+    format!("cannot read {}: {AGAIN}", file.display())
+}
+
 /// Reads the pictures of a section one after the other.
 pub(super) struct Pictures {
     file: PathBuf,
@@ -101,7 +108,7 @@ impl Pictures {
             // The bytes after the section belong to the next section.
             Ok(Decoder::new(input)?.single_frame())
         };
-        let input = open().with_context(|| format!("cannot read {}", file.display()))?;
+        let input = open().with_context(|| unreadable(file))?;
         Ok(Pictures { file: file.to_owned(), pixels, input })
     }
 
@@ -111,9 +118,7 @@ impl Pictures {
     /// The file ends before the picture does, or is damaged.
     pub(super) fn next(&mut self) -> Result<Vec<[u32; 2]>> {
         let mut bytes = vec![0; self.pixels * 8];
-        self.input.read_exact(&mut bytes).with_context(|| {
-            format!("{} is damaged: repeat the command with --resume, so that the reference is rendered again", self.file.display())
-        })?;
+        self.input.read_exact(&mut bytes).with_context(|| unreadable(&self.file))?;
         let word = |bytes: &[u8]| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         Ok(bytes.chunks_exact(8).map(|pixel| [word(&pixel[..4]), word(&pixel[4..])]).collect())
     }

@@ -179,17 +179,20 @@ impl Runner<'_> {
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..meter.streams.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
         // The errors are computed in parallel on all CPU cores, because FLIP takes longer than rendering.
-        let judged: Vec<judge::Errors> = pictures
+        let judged: Vec<Option<judge::Errors>> = pictures
             .par_iter()
             .zip(&meter.streams)
             .map(|(picture, stream)| {
                 let signal = stream.track.signal;
                 let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
                 let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
-                Ok(judge::errors(definition.size, &pictures::linear(picture, signal), truth, &mask)?)
+                // Without a pixel to compare, there are no errors. The number of invalid pixels says why.
+                let any = mask.contains(&true);
+                Ok(if any { Some(judge::errors(definition.size, &pictures::linear(picture, signal), truth, &mask)?) } else { None })
             })
             .collect::<Result<_>>()?;
         for (stream, errors) in judged.iter().enumerate() {
+            let Some(errors) = errors else { continue };
             let (name, choice) = &choices[stream % choices.len()];
             let signal = meter.streams[stream].track.signal;
             for (metric, value) in [
@@ -261,10 +264,11 @@ impl Runner<'_> {
                         None => {
                             // One map is stored, because `auto` and `generic` choose the same variant for each tile.
                             if !mapped {
-                                let albedo: Vec<[f32; 3]> =
-                                    meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
+                                // Pictures show the last signal, which is the lit picture, if it is measured.
+                                let shown = meter.streams.len() - choices.len() + stream;
+                                let codes = pictures::displayed(&meter.picture(self.gpu, shown, 0)?, meter.streams[shown].track.signal);
                                 let sets = costs::tile_sets(&masks, judged.view.size, stage.choices.tile);
-                                let map = pictures::tile_map(&sets, &pictures::display(&albedo));
+                                let map = pictures::tile_map(&sets, &codes);
                                 let (kind, legend) = (pictures::Kind::TileMap, pictures::TILE_MAP_LEGEND);
                                 sheet.of(labels, name).keep(kind, "tiles", "Tiles of automatic choice", legend, judged.view.size, &map)?;
                                 mapped = true;

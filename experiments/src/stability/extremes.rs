@@ -11,7 +11,7 @@ pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 
 /// Default number of rows for each value.
 const ROWS: u32 = 1024;
-/// Limit of the number of rows for each value.
+/// Limit of the number of rows for each value of a parameter.
 const MOST_ROWS: u32 = 1 << 20;
 /// Limit of the number of rows of a case, summed over its values. For the kernel with the most columns, this number of rows takes some gigabytes of
 /// memory.

@@ -339,6 +339,7 @@ impl Run {
                 },
             )?;
             self.done.insert(share.unit.index);
+            self.remove_sequences()?;
         }
         progress(total, total);
         Ok(())
@@ -438,9 +439,15 @@ impl Run {
 }
 
 impl Run {
-    /// Removes the pictures of reference sequences. Only sweeps need them, and all sweeps are finished.
+    /// Removes the pictures of the reference sequences that no unfinished sweep needs. They are much larger than all other files of a run.
     fn remove_sequences(&self) -> Result<()> {
-        for file in self.shares.iter().flat_map(|share| reference_files(&self.folder, &share.unit).unwrap_or_default()) {
+        let units = || self.shares.iter().map(|share| &share.unit);
+        let is_spent = |reference: &&Unit| {
+            let needs =
+                |unit: &Unit| matches!(unit.work, Work::Sweep { .. }) && unit.view == reference.view && unit.setting == reference.setting;
+            !units().any(|unit| needs(unit) && !self.done.contains(&unit.index))
+        };
+        for file in units().filter(is_spent).flat_map(|unit| reference_files(&self.folder, unit).unwrap_or_default()) {
             if file.extension().is_some_and(|extension| extension == SEQUENCE) {
                 fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
             }

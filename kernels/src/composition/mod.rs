@@ -186,8 +186,8 @@ impl Composition {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, lit: 0 }
     }
 
-    /// Records the pass, which writes the picture of each stream to its destination. `exposure` says how lit pictures are mapped to the display. One dispatch composes all streams and reads each layer once; if
-    /// the pictures do not fit in one buffer binding, there are several dispatches.
+    /// Records the pass, which writes the picture of each stream to its destination. `exposure` says how lit pictures are mapped to the display. One
+    /// dispatch composes all streams and reads each layer once; if the pictures do not fit in one buffer binding, there are several dispatches.
     pub fn encode(
         &self,
         rec: &mut Recording<'_>,

@@ -61,7 +61,7 @@ pub struct Found {
     pub name: String,
     /// Files of the material.
     pub recognised: Recognised,
-    /// Edge of the image of each map, texels, in the order of [`Recognised::maps`].
+    /// Side length of the image of each map, texels, in the order of [`Recognised::maps`].
     pub edges: Vec<usize>,
     /// Notes for the user about the images, one line each.
     pub remarks: Vec<String>,

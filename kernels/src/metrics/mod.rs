@@ -97,7 +97,8 @@ pub struct LagSums {
 }
 
 /// Comparison of the changes of a stream with the changes of the reference sequence, as sums over pixels. A change is the luminance of a pixel minus
-/// that of the linked pixel: dY in the stream, dR in the reference. dY - dR is then the change of the stream's error.
+/// that of the linked pixel: dY in the stream, dR in the reference. dY - dR is then the change of the stream's error. Luminance is the relative
+/// luminance of linear albedo or, for lit pictures, the luma of display values, 0 to 1; squares are in its square.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
     /// Number of linked pixels whose reference is known in both frames.

@@ -180,7 +180,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: number(0.0, 1000.0),
         default: || Some(Value::Float(0.0)),
-        about: "Largest offset of the procedural relief that is added below a heightmap's resolution. 0: no relief is added, and the finest LOD follows from the resolution.",
+        about: "Largest offset of the procedural relief that is added to a heightmap at scales finer than its resolution. 0: no relief is added, and the finest LOD is the one that matches the heightmap's resolution.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,

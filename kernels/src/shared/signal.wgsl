@@ -3,7 +3,8 @@
 // choice (zero if there was none), and a bit that marks terrain.
 
 // SIGNAL_FETCH_BITS, SIGNAL_CHOICE_BITS: numbers of bits for the number of fetches and for the choice. SIGNAL_TERRAIN: the bit of the second word
-// that marks terrain. SIGNAL_INVALID_0, SIGNAL_INVALID_1: the words of a pixel whose colour is not finite. SIGNAL_LARGEST: the largest colour value that f16 can hold. SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE: weights of luminance.
+// that marks terrain. SIGNAL_INVALID_0, SIGNAL_INVALID_1: the words of a pixel whose colour is not finite. SIGNAL_LARGEST: the largest colour value
+// that f16 can hold. SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE: weights of luminance.
 const SIGNAL_CHOICE_FROM: u32 = 16u + SIGNAL_FETCH_BITS;
 
 // Packs a terrain pixel. A colour that is not finite gives the words of an invalid pixel, which does not count as terrain.

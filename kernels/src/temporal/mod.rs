@@ -128,8 +128,8 @@ impl SamplePattern {
         }
     }
 
-    /// Returns the step from a pixel to the neighbour whose own sample is also the pixel's second sample. The second sample lies on the
-    /// edge opposite to the first one.
+    /// A pixel is shaded at one sample, on one of its edges, and takes a second sample from a neighbour: the one on the opposite edge. Returns
+    /// the step from the pixel to that neighbour. With samples at the centre of pixels, the step is 0.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],

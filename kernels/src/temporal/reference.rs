@@ -67,7 +67,7 @@ pub fn resolve(resolve: Resolve, size: [u32; 2], index: u32, frame: &Frame<'_>) 
             let mut value = colour(frame.now[at]);
             if resolve.has_flipquad() {
                 value = pair(frame.now, x, y, setup.neighbour);
-                if linked {
+                if linked && signal::is_terrain(frame.before[link as usize]) {
                     let link = link as usize;
                     value = mix(value, pair(frame.before, link % width, link / width, setup.past_neighbour), 0.5);
                 }

@@ -68,7 +68,8 @@ fn temporal_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = temporal_index(pixel);
     let raw = signal[temporal.slot + at];
     if !signal_is_terrain(raw) {
-        resolved[temporal.slot + at] = vec2<u32>(0u);
+        // An invalid pixel stays invalid, so that it is counted.
+        resolved[temporal.slot + at] = raw;
         history[temporal.history_out + at] = vec4<f32>(0.0);
         return;
     }
@@ -77,7 +78,8 @@ fn temporal_main(@builtin(global_invocation_id) id: vec3<u32>) {
     var colour = signal_colour(raw);
     if temporal.flipquad != 0u {
         colour = temporal_pair(temporal.slot, pixel, temporal.neighbour);
-        if linked {
+        // The linked pixel may be invalid: its colour was not finite.
+        if linked && signal_is_terrain(signal[temporal.past_slot + link]) {
             let before = vec2<u32>(link % temporal.size.x, link / temporal.size.x);
             colour = 0.5 * (colour + temporal_pair(temporal.past_slot, before, temporal.past_neighbour));
         }

@@ -93,7 +93,7 @@ impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
         let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        // Splat texel k is vertex 2 k + 2 of the working grid.
+        // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
@@ -158,7 +158,7 @@ impl Grid {
         for j in 0..GRID_SIDE {
             for i in 0..GRID_SIDE {
                 let [x, y] = grid.vertex(i, j);
-                // Splat texel k is vertex 2 k + 2 of the working grid.
+                // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
                 if i % 2 == 0 && j % 2 == 0 {
                     let [height, measured] = world.heights_m(x, y);
                     grid.heights.push(height);
@@ -256,7 +256,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // Splat texel k is vertex 2 k + 2 of the working grid.
+            // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));

@@ -311,7 +311,7 @@ mod tests {
         let Layout::Tabs { open, children } = &children[1] else { panic!("tabs must stay tabs") };
         let expected: Vec<Layout> = Pane::ALL[1..].iter().map(|&p| pane(p)).collect();
         assert_eq!((*open, children), (0, &expected));
-        // If the layout has no tabs, tabs are created for the panes that it lacks.
+        // A layout of a single pane becomes a row of this pane and a group of tabs with all other panes.
         let Some(Layout::Row { children, .. }) = pane(Pane::ALL[0]).tree(id()).as_ref().and_then(Layout::of) else {
             panic!("a row must be made")
         };

@@ -45,7 +45,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to paint, or whose rules the mask weights");
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("A splat brush lays this material. A mask brush changes the weight of this material's rules.");
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };

@@ -25,7 +25,7 @@ pub use recognition::{Listing, Reading, Recognised, Set, Sorted, Source, Unused,
 pub struct Loaded {
     /// The maps.
     pub maps: MaterialMaps,
-    /// Edge of the image of each map, texels, in the order of [`Recognised::maps`].
+    /// Side length of the image of each map, texels, in the order of [`Recognised::maps`].
     pub edges: Vec<usize>,
     /// Remarks, one line each, with the name of the file.
     pub remarks: Vec<String>,
