@@ -29,7 +29,8 @@ struct Layer<'a> {
 }
 
 impl<'a> Layer<'a> {
-    /// The channels R G B, X Y Z, or the only channel except A. `None` if the layer has none of these.
+    /// Returns the channels R G B, or else X Y Z, or else the only channel except A, with the meaning of their values. `None` if the layer
+    /// has none of these.
     fn picture(&self) -> Option<(Content, [&'a Channel; 3])> {
         let of = &self.channels;
         let three = |[a, b, c]: [&str; 3]| Some([of.with_base(a)?, of.with_base(b)?, of.with_base(c)?]);
@@ -52,7 +53,7 @@ impl<'a> Layer<'a> {
     }
 }
 
-/// Reads a picture. `wanted` = the layer; `None` = the channels that belong to no layer or, if they form no picture, the only layer that does.
+/// Reads a picture. `wanted` is the name of a layer. If it is `None`, `only` chooses the layer.
 ///
 /// # Errors
 /// The message is one clause that does not contain the name of the file.

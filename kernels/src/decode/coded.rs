@@ -45,14 +45,17 @@ pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Res
     Ok(opened)
 }
 
-/// The error of a decoder of pictures in our words.
+/// Converts an error of a decoder of pictures. The remedies are those for a picture.
 pub fn undecodable(error: ImageError) -> Fault {
+    undecodable_with(error, "save it as 8- or 16-bit PNG", "resize it")
+}
+
+/// The same as [`undecodable`] with other remedies: for a feature that is not supported, and for a file that is too large.
+pub fn undecodable_with(error: ImageError, unsupported: &str, too_large: &str) -> Fault {
     match error {
         ImageError::IoError(source) => Fault::of_io(source),
-        ImageError::Unsupported(what) => {
-            Fault::Unsupported(format!("it uses a feature that is not supported ({what}): save it as 8- or 16-bit PNG"))
-        }
-        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): resize it")),
+        ImageError::Unsupported(what) => Fault::Unsupported(format!("it uses a feature that is not supported ({what}): {unsupported}")),
+        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}): {too_large}")),
         other => Fault::Damaged(other.to_string()),
     }
 }

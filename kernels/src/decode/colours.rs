@@ -37,8 +37,9 @@ pub struct CodePoints {
 }
 
 impl Colours {
-    /// What else a file says about its colours and is not applied, in words: code points that are not those of sRGB, or an ICC profile. `profile`:
-    /// the ICC profile of the file. Code points count before a profile (PNG, third edition, "Color chunk precedence").
+    /// Describes, for a message, the statement about colours that is not applied: code points other than those of sRGB, or an ICC profile.
+    /// `None` if there is none. `profile` is the ICC profile of the file. Code points take precedence over it (PNG, third edition, "Color
+    /// chunk precedence").
     pub fn unapplied(&self, profile: Option<&[u8]>) -> Option<String> {
         match (&self.code_points, profile) {
             (Some(points), _) => (!points.is_srgb).then(|| points.text.clone()),
@@ -47,8 +48,8 @@ impl Colours {
         }
     }
 
-    /// Reads what a PNG says about its colours. PNG (third edition), "Color chunk precedence": code points (cICP), then a profile (iCCP), then sRGB,
-    /// then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
+    /// Reads the statements of a PNG file about its colours. Their precedence follows PNG (third edition), "Color chunk precedence": code
+    /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
     pub fn of_png(input: impl BufRead + Seek) -> Result<Colours, png::DecodingError> {
         let decoder = png::Decoder::new_with_limits(input, png::Limits { bytes: MAX_INFO_BYTES });
         let reader = decoder.read_info()?;
@@ -81,7 +82,7 @@ impl Colours {
     }
 }
 
-/// An ICC profile in words; `None` if it is known to be sRGB, so that nothing needs to be applied.
+/// Returns the name of an ICC profile, for a message; `None` if the profile is sRGB, so that nothing needs to be applied.
 fn unapplied_profile(profile: &[u8]) -> Option<String> {
     match description(profile) {
         Some(name) if SRGB_PROFILES.contains(&name.as_str()) => None,

@@ -58,7 +58,7 @@ pub struct Understood {
 /// `stopped`: called several times; returns whether the user wants to stop.
 ///
 /// # Errors
-/// The errors of [`read`]; [`Error::Heightmap`] if too many samples without data shall become holes; [`Error::Request`] if `detail_m` is negative, or
+/// The errors of [`read`]; [`Error::Heightmap`] if there are too many samples without data for holes; [`Error::Request`] if `detail_m` is negative, or
 /// if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
 pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
@@ -149,7 +149,7 @@ impl Understood {
 
     /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest), `scene.toml`
     /// (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder
-    /// `materials/` with those that are used. The folder is made either completely or not at all. Returns the scene as written.
+    /// `materials/` with the images that are used. The folder is made either completely or not at all. Returns the scene as written.
     ///
     /// `stopped`: called several times; returns whether the user wants to stop. If so, no folder is left behind.
     ///

@@ -25,7 +25,7 @@ impl Text {
     /// Reads a table that should have these columns.
     ///
     /// # Errors
-    /// The file cannot be read, is no text, names a delimiter that is none, or has a quote that is not closed.
+    /// The file cannot be read, is not text, states a delimiter that is not accepted, or has a quote that is not closed.
     pub(super) fn read(path: &Path, columns: &[&str]) -> Result<Text> {
         let name = path.display();
         let bytes = fs::read(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;

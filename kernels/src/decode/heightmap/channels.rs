@@ -42,8 +42,9 @@ impl Candidate<'_> {
         self.channel.base_name().to_lowercase()
     }
 
-    /// Whether the channel is named after heights, or is in a part or layer that is, and has a name that heights may have there. Such a layer may
-    /// hold other data, too, such as `height.mask`.
+    /// Whether the name says that the channel holds heights. The channel itself has one of the names of heights, or a part or layer with
+    /// such a name contains the channel. In the second case, the channel must be called like a single value or a colour, because such a
+    /// layer may also hold other data, such as `height.mask`.
     fn is_named(&self) -> bool {
         let base = self.base();
         let layer = self.channel.layer();
@@ -53,8 +54,8 @@ impl Candidate<'_> {
     }
 }
 
-/// Reads the channel that holds the heights: the one that the user names; the one whose part, layer or name says so; or the only one beside alpha.
-/// Red is read where it equals green and blue in all pixels. In all other cases, the file is refused with the list of its channels. A sample has no
+/// Reads the channel that holds the heights: the one that the user names; the one whose part, layer or name says so; or the only
+/// channel apart from alpha. If red, green and blue are equal in all pixels, red is read. In all other cases, the file is refused with the list of its channels. A sample has no
 /// data where the alpha of its part and layer is 0.
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;
@@ -198,7 +199,7 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let colours = with_base(&COLOURS);
     let one_of = |candidates: &[Candidate<'a>]| if let [one] = candidates { Some(*one) } else { None };
     let plain = if colours.is_empty() { one_of(&with_base(&PLAIN)) } else { None };
-    // Of several channels in a part or layer named after heights, the one that has the name itself counts.
+    // If several channels remain, the one is chosen that is itself called `height` or similar.
     let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope));
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {

@@ -1,7 +1,7 @@
 //! Fills gaps in a heightmap with a membrane that is fastened to the rim of each gap.
 //!
 //! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), by Gauss-Seidel sweeps on a pyramid of grids, each
-//! half as fine as the one below it: cascadic multigrid (Bornemann and Deuflhard, *The cascadic multigrid method for elliptic problems*, 1996). At
+//! with half the resolution of the next finer one: cascadic multigrid (Bornemann and Deuflhard, *The cascadic multigrid method for elliptic problems*, 1996). At
 //! the edge of the map, missing neighbours are left out, so the membrane ends level there. The result is the same on every machine, and does not
 //! depend on threads.
 //!

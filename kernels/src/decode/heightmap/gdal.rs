@@ -89,7 +89,7 @@ fn items(xml: &str) -> Result<Vec<Item>, Fault> {
     Ok(items)
 }
 
-/// The text without its comments (XML 1.0, section 2.5), which say nothing; None if one has no end.
+/// Returns the text without its XML comments (XML 1.0, section 2.5); `None` if a comment has no end.
 pub(super) fn without_comments(xml: &str) -> Option<String> {
     let mut text = String::new();
     let mut rest = xml;
@@ -101,7 +101,7 @@ pub(super) fn without_comments(xml: &str) -> Option<String> {
     Some(text)
 }
 
-/// Reads an item, of which `<Item` is left out. Returns it and what follows it; None if it is not well formed.
+/// Reads an item from the text after `<Item`. Returns the item and the text after it; `None` if the item is not well formed.
 fn item(from: &str) -> Option<(Item, &str)> {
     let mut item = Item { role: String::new(), sample: String::new(), text: String::new() };
     let is_name = |text: &str| !text.is_empty() && !text.contains(|c: char| c.is_whitespace() || "<>\"'".contains(c));

@@ -381,7 +381,7 @@ impl Transform {
     }
 }
 
-/// The call of gdalwarp that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between
+/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between
 /// samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {

@@ -97,8 +97,8 @@ fn plain(row: &[u8], sample_bytes: usize, coding: Coding) -> Vec<u64> {
         .collect()
 }
 
-/// The bit patterns of the samples of a row in which all highest bytes come first, then all second ones, and so on, each byte as its difference from
-/// the byte before it.
+/// Decodes a row with the floating point predictor to the bit patterns of its samples. The row holds the highest bytes of all samples, then
+/// all second bytes, and so on; each byte is stored as its difference from the previous byte.
 fn of_float_differences(row: &mut [u8], width: usize, sample_bytes: usize) -> Vec<u64> {
     for at in 1..row.len() {
         row[at] = row[at].wrapping_add(row[at - 1]);

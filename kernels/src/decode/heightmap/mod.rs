@@ -3,9 +3,9 @@
 //! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a
 //! file that is too large is refused before memory is allocated for it.
 //!
-//! The reader of each format returns the samples as they are stored, and all that the file says about them (`raster.rs`). Then, in this order:
-//! samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Whatever a file says is
-//! applied, or the file is refused in one line; a [`Report`] says what was understood.
+//! The reader of each format returns the samples as they are stored, and all statements of the file about them (`raster.rs`). Then, in this
+//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Every
+//! statement of the file is applied, or the file is refused with an error of one line. A [`Report`] lists how the file was interpreted.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -77,8 +77,8 @@ pub struct Reading {
     pub map: Heightmap,
     /// How the file was interpreted.
     pub report: Report,
-    /// Columns and rows of the samples that have no data and shall be holes in the ground; empty unless [`Voids::Holes`] is asked for. They are
-    /// filled in the map.
+    /// Columns and rows of the samples without data that become holes in the ground; empty unless the options contain [`Voids::Holes`]. In
+    /// `map`, these samples are filled, too.
     pub holes: Vec<[u32; 2]>,
 }
 

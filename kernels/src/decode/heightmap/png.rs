@@ -10,6 +10,7 @@ use super::options::ReadOptions;
 use super::raster::{Absent, Raster, Stored, crop};
 use super::scaling::Statement;
 use super::spacing::Spacing;
+use crate::decode::coded::undecodable_with;
 use crate::decode::colours::MAX_INFO_BYTES;
 use crate::decode::fault::Fault;
 
@@ -180,14 +181,7 @@ fn roughness(pixels: &[[u8; 3]], width: usize, value: impl Fn([u8; 3]) -> f64) -
 
 /// Converts an error of the decoder.
 fn fault(error: ImageError) -> Fault {
-    match error {
-        ImageError::IoError(source) => Fault::of_io(source),
-        ImageError::Unsupported(what) => {
-            Fault::Unsupported(format!("its pixels are of a kind that is not supported ({what}); export the heightmap as 16-bit greyscale"))
-        }
-        ImageError::Limits(what) => Fault::TooLarge(format!("it is too large ({what}); convert it to .tif or .raw and give a window")),
-        other => Fault::Damaged(other.to_string()),
-    }
+    undecodable_with(error, "export the heightmap as 16-bit greyscale", "convert it to .tif or .raw and give a window")
 }
 
 #[cfg(test)]

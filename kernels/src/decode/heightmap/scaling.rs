@@ -54,7 +54,7 @@ impl Statement {
     }
 }
 
-/// Returns the map to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest possible integer, or
+/// Returns the conversion to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest possible integer, or
 /// of the floats 0 and 1, metres.
 ///
 /// # Errors

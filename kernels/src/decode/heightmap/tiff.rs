@@ -1,8 +1,9 @@
 //! Reads TIFF and GeoTIFF files.
 //!
-//! All that a file says is read once, into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes strips and tiles
-//! (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). It would invert samples of photometric interpretation WhiteIsZero, and
-//! refuses masks. Both is avoided by a [`Patched`] file, in which the interpretation reads as BlackIsZero: a height is the stored number, as in GDAL.
+//! First, all statements of a file are read into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes
+//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). The crate would invert samples of
+//! photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
+//! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
 //! Of several images, the first one of full resolution is read. Images that belong to another one (SubIFDs) are not searched.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
@@ -133,7 +134,7 @@ struct Images {
     is_reduced: bool,
 }
 
-/// All that a file says.
+/// All statements of a file.
 struct Description {
     layout: Layout,
     depth: Depth,

@@ -26,7 +26,7 @@ const FENCE: f64 = 3.0;
 /// Zeros are far from all other samples if the nearest of these is farther from 0 than this share of their range.
 const ZERO_GAP: f64 = 1.0 / 16.0;
 
-/// The samples without data, and why.
+/// The samples without data, and the reasons.
 #[derive(Default)]
 pub(super) struct Found {
     /// Whether each sample has no data; empty if all samples have data.
@@ -188,9 +188,10 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
 
 /// Returns a remark about samples that are far from all others, if there are such samples on either side.
 ///
-/// Far means: outside the outer fences, three interquartile ranges beyond the quartiles, with a gap of at least three interquartile ranges between
-/// them and all samples inside. Steep ground has no such gap: its samples lie on both sides of a fence. Samples that are equal to the median are left
-/// out if they are so many that the quartiles are equal. At most a quarter of the samples can be found in this way.
+/// Samples are far from the others if they lie outside the outer fences, which are three interquartile ranges beyond the quartiles, and if
+/// there is a gap of at least three interquartile ranges between them and all samples inside. Steep ground has no such gap: its samples lie
+/// on both sides of a fence. If so many samples equal the median that the quartiles are equal, these samples are left out of the estimate.
+/// At most a quarter of the samples can be found in this way.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));

@@ -120,7 +120,7 @@ fn edge_of(width: u32, height: u32) -> Result<usize, Fault> {
 fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Result<Stored, Fault> {
     let (width, height) = decoder.dimensions();
     let edge = edge_of(width, height)?;
-    // Metadata that cannot be read turn nothing.
+    // If the metadata cannot be read, the image counts as upright.
     if decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms) {
         return Err(Fault::Unsupported("its metadata say that it must be turned or mirrored: save it upright".to_owned()));
     }

@@ -39,7 +39,7 @@ pub struct Map {
 }
 
 /// Reads a map from the contents of a file. `path` is used in error messages. PNG, JPEG and OpenEXR are distinguished by content; anything else is
-/// read as TGA if the extension of `path` says so.
+/// read as TGA if the extension of `path` is `tga`.
 ///
 /// # Errors
 /// If the file is not a readable image, is not square, or is larger than 8192 texels per side; if its values cannot be those of the map, such as a

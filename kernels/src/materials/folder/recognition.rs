@@ -298,9 +298,9 @@ impl Set {
 
     /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
     ///
-    /// Of several files for one map, those count that have the same material in their names as the albedo. Of these, the normal map for OpenGL counts
-    /// before one without a convention, and that before one for DirectX; a finer level of detail before a coarser one; a higher resolution, up to
-    /// 8192, before a lower one, if all names state it. Files that cannot be read count only if there are no others. Roughness comes from a roughness
+    /// If there are several files for one map, one is chosen by these criteria: the same material in the name as in the name of the albedo; a
+    /// format that can be read; for normal maps, the convention (OpenGL before an unstated convention, and this before DirectX); a finer level
+    /// of detail; a higher resolution up to 8192, if all names state one. Roughness comes from a roughness
     /// map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
     ///
     /// # Errors
