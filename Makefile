@@ -13,7 +13,8 @@ OUT ?= out/demo
 # Seconds that `make fuzz` spends on each target.
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := scene definition heightmap material openexr texture cache
-# Lists the mutants of Rust. It is installed into target/tools, so a version that the user has installed is left alone.
+# Version of cargo-mutants, which lists the mutants of the Rust code. It is installed into target/tools, so a version that the user has installed is
+# not changed.
 CARGO_MUTANTS := 27.1.0
 
 # Mesa's drivers print a warning if XDG_RUNTIME_DIR is not set, so it is set to a private folder.

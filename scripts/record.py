@@ -23,7 +23,7 @@ PER_FRAME = [
     "fetches_per_px", "flip_rate", "difference", "excess_difference", "residual", "residual_rms", "added", "lost", "perceived_noise",
     "taa_rejections", "disoccluded", "reference_difference",
 ]
-# The columns of headline.csv after view and noise. Of a metric that has a signal, the lit picture counts.
+# The columns of headline.csv after view and noise. `added` has rows for albedo and for the lit picture; the value of the lit picture is used.
 HEADLINE = ["flip_rate", "clumping", "added"]
 
 

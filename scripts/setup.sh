@@ -130,7 +130,7 @@ as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }
 update_lists() { as_root apt-get update "$@" >&2; }
 install_packages() { as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@" >&2; }
 
-# Returns success if apt knows a source of backports that offers a sufficiently new Mesa.
+# Returns success if one of apt's sources of backports offers a sufficiently new Mesa.
 newer_mesa_is_offered() {
     local version
     for version in $(apt-cache madison mesa-vulkan-drivers 2>/dev/null | awk -F ' *[|] *' '$3 ~ /-backports\// { print $2 }'); do

@@ -179,10 +179,11 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows in which two points of the fine lattice, on which the plane's normal is stored, are almost equally near to this normal. The
-        // error of a direction is 16 ULP (2^-19), which is 2^-9 of the distance between neighbouring points (2^-10). So 8 of the 4096 random rows are
-        // expected. The limit also leaves room for 300 special rows. Several points may be equally near if the plane's normal lies along one of the 8
-        // diagonals or one step of f32 off an axis (6 normals). Each of these 14 normals occurs in 15 rows.
+        // Limit for rows in which two lattice points are almost equally near to the plane's normal. The encoding rounds this normal to a point of the
+        // fine lattice (see `kernels::shared::normal_pair`). The error of a direction is 16 ULP (2^-19), which is 2^-9 of the distance between
+        // neighbouring points (2^-10). So 8 of the 4096 random rows are expected. The limit also leaves room for 300 special rows. Several points may
+        // be equally near if the plane's normal lies along one of the 8 diagonals or one step of f32 off an axis (6 normals). Each of these 14
+        // normals occurs in 15 rows.
         other_side_at_most: 24 + 300,
         mutants: &[
             // In this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences from the
@@ -216,8 +217,8 @@ const CASES: &[Case] = &[
                         }
                     }
                 }
-                // Level ground whose elevation is a border: a third of a metre, the square root of 2 times a power of two, a power of two, and one
-                // step of f32 to either side of each.
+                // Level ground at critical elevations, and one step of f32 below and above each of them. A third of a metre is a border between
+                // cells. At the square root of 2 times a power of two, the finest scale changes. At a power of two (1024), it must not change.
                 let root = std::f32::consts::SQRT_2.next_up();
                 for border in [BORDER as f32, root, 512.0 * root, -512.0 * root, 1024.0] {
                     for z in [border.next_down(), border, border.next_up()] {
@@ -240,8 +241,8 @@ const CASES: &[Case] = &[
         mutants: &[
             // In this order: the blend of two scales is not transformed back to a uniform distribution; the coarse scale is blended with itself; the
             // seed is hashed without the salt; a sector has one cell too few; an axis along which the position does not change has the smallest
-            // cells; cells may be smaller than the step of the elevation, or of the position in a sector; borders of elevation lie at multiples of
-            // the cells; the finest scale changes at powers of two.
+            // cells; cells may be smaller than the step of f32 at the elevation, or at the position in a sector; along the elevation, borders between
+            // cells lie at multiples of the cell's height; the finest scale changes at powers of two.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
@@ -278,9 +279,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Mutants of interleaved gradient noise, in this order: the high word of a product lacks one of its parts; of the four thresholds of a
-            // pixel, the first two use the same symmetries of the square as the last two; the thresholds have no random offset; the pattern does not
-            // move from frame to frame.
+            // Mutants of interleaved gradient noise, in this order: the high word of a product lacks one of its parts; x and y are not exchanged for
+            // the last two of a pixel's four thresholds; the thresholds have no random offset; the pattern does not move from frame to frame.
             ("noise", "+ (other >> 16u)", ""),
             ("noise", "select(shifted, shifted.yx, decision >= 2u)", "shifted"),
             ("noise", "noise_interleaved_gradient_value(turned, frame) + h.z", "noise_interleaved_gradient_value(turned, frame)"),
@@ -295,8 +295,9 @@ const CASES: &[Case] = &[
             ("noise", "(jitter >> vec4<u32>(12u))", "vec4<u32>(0u)"),
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
-            // Mutants of white noise, in this order: the wrong cells are hashed; the level is not clamped; cells may be smaller than the step of the
-            // elevation; borders of elevation lie at multiples of the cells; the noise does not change from frame to frame.
+            // Mutants of the noises `world` and `white`, in this order: the cells of the next finer level are hashed; the level is not clamped; cells
+            // may be smaller than the step of f32 at the elevation; along the elevation, borders between cells lie at multiples of the cell's height;
+            // `white` noise does not change from frame to frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
             ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));", "let k = level;"),
             ("noise", "i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z)", "i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX)"),
@@ -852,8 +853,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: a vertex halfway between two vertices of the neighbour moves to the upper one; vertices on the western border do not
-            // move; vertices on the southern border use the LOD difference (delta) of the western neighbour.
+            // In this order: a vertex halfway between two vertices of the neighbour moves to the one with the higher index instead of the lower;
+            // vertices on the western border do not move; vertices on the southern border use the LOD difference (delta) of the western neighbour.
             ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
             ("geometry/stitch.wgsl", "if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
             ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
@@ -1010,8 +1011,8 @@ fn along_y(position: DVec3, half_width: f64, width: u32) -> View {
 
 #[test]
 fn pixels_of_probes_are_those_of_the_frame() {
-    // Two probes have a camera of their own. Its pixels must lie where those of the renderer's camera do: at the corners of the picture, in its
-    // middle, and anywhere else.
+    // The probes `depth-position` and `reprojection` compute their cameras themselves. The positions of their pixels must agree with those of the
+    // renderer's camera, at the corners of the picture, in its middle, and at a random point.
     let [depth_position, reprojection] = ["depth-position", "reprojection"].map(|name| Probe::find(name).unwrap_or_else(|e| panic!("{e}")));
     let mut draw = Draw { row: 0, column: 0, table: 77 };
     for width in [2_u32, 64, 640, 1920, 8192] {
@@ -1038,7 +1039,8 @@ fn pixels_of_probes_are_those_of_the_frame() {
     }
 }
 
-/// Results that equal another column of their probe on purpose: they are computed in another way, and both ways are compared with the truth.
+/// Pairs of columns that are equal on purpose: the probe, and the names of two results. The two results are computed in different ways, and both are
+/// compared with the truth.
 const ALIKE: [(&str, &str, &str); 4] = [
     ("splat-blend", "run_00", "w_00"),
     ("splat-blend", "run_10", "w_10"),
@@ -1046,8 +1048,8 @@ const ALIKE: [(&str, &str, &str); 4] = [
     ("splat-blend", "run_11", "w_11"),
 ];
 
-/// Returns the pairs of a result and an input or an earlier result whose numbers are the same in each row, and the results that never change. A
-/// column is a name and the numbers of its rows.
+/// Finds results that test nothing. Returns each result that equals an input or an earlier result in every row, with the name of that column. Also
+/// returns the results that have the same value in all rows. A column consists of its name and the numbers of its rows.
 fn tautologies(inputs: &[(&str, Vec<f64>)], outputs: &[(&str, Vec<f64>)]) -> Vec<(String, String)> {
     let equal = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs().max(b.abs()) + 1e-12);
     let mut found = Vec::new();

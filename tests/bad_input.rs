@@ -283,7 +283,7 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
         let output = command.output().expect("the program can be started");
         let stderr = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{variable}: {stderr}");
-        // The Vulkan loader may write lines of its own first. The error is a single line after them.
+        // The Vulkan loader may print lines before the error. The error is a single line after them.
         let error = stderr.lines().last().unwrap_or_default();
         assert!(error.starts_with("error: adapter: ") && error.contains(says), "{variable}: {stderr}");
         assert!(!Path::new(&out).exists(), "{variable}: a picture was written");

@@ -1,5 +1,5 @@
-//! Tests that a run finds a bias that is planted into a shader, and that its report says so. The runs are carried out in this process, because no program
-//! reads other shaders.
+//! Tests that a run finds a bias that is planted into a shader, and that its report states the bias. The runs are carried out in this process,
+//! because the command line has no option that replaces shaders.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use kernels::gpu::{GpuOptions, Sources};
 
 use crate::fixtures::{Folder, open, success};
 
-/// As many seeds as in the recorded sweep, on an eighth of its pixels.
+/// The definition of the runs. It has as many seeds as the recorded sweep, and about an eighth of its pixels.
 const TEXT: &str = r#"name = "planted"
 question = "Is a planted bias found?"
 size = [160, 96]
@@ -31,16 +31,18 @@ times = "none"
 "blend.anisotropy" = 1
 "#;
 
-/// The estimator that makes the random choices, and its last line in both flavours. The exact blend does not use this file.
+/// The shader file of the estimator `fc5`. `LAST` is the last line of both of its functions (near cliff and far cliff). The exact blend does not use
+/// this file, so a change of the file causes a bias.
 const SHADER: &str = "shading/estimators/fc5.wgsl";
 const LAST: &str = "    return sum;\n";
-/// One percent of the range of albedo, on every pixel.
+/// Replaces `LAST`: adds one percent of the range of albedo to every pixel.
 const EVERYWHERE: &str = "    sum.albedo += vec3<f32>(0.01);\n    return sum;\n";
-/// One percent, with signs like the squares of a chessboard. Each square is 16 pixels wide.
+/// Replaces `LAST`: adds one percent in every second square of a chessboard, and subtracts one percent in the others. Each square is 16 pixels wide.
 const CHESSBOARD: &str =
     "    sum.albedo += vec3<f32>(select(-0.01, 0.01, ((pixel.index.x / 16u + pixel.index.y / 16u) & 1u) == 0u));\n    return sum;\n";
 
-/// Carries out the run with a shader whose last lines are replaced. Returns the rows, and the lines of the report that describe a check.
+/// Carries out a run with the shader [`SHADER`], in which `last` replaces [`LAST`]. Returns the rows of the run, and the lines of its report about
+/// checks of random rows.
 fn run(name: &str, last: &str) -> (Vec<Row>, Vec<String>) {
     let folder = Folder::new(name);
     let gpu = open(GpuOptions::default());
@@ -73,7 +75,6 @@ fn run(name: &str, last: &str) -> (Vec<Row>, Vec<String>) {
     (data.rows, checks)
 }
 
-/// The row of a metric of a variant.
 fn row<'a>(rows: &'a [Row], metric: &str, variant: &str) -> &'a Row {
     rows.iter().find(|row| row.metric == metric && row.variant == variant).unwrap_or_else(|| panic!("no {metric} of {variant}"))
 }
@@ -88,7 +89,8 @@ fn without_a_planted_bias_none_is_found_and_the_report_says_what_it_would_have_f
     {
         assert!(bias.contains(words), "`{words}` is missing in: {bias}");
     }
-    // The power is stated as a share of the range of albedo. It suffices for one percent.
+    // The report states which bias the check would find, in percent of the range of albedo. This must be less than the one percent that the other
+    // tests plant.
     let stated = bias.split_once("a bias of ").and_then(|(_, rest)| rest.split_once(" % of the albedo range everywhere would be found"));
     let percent: f64 = stated.and_then(|(number, _)| number.parse().ok()).unwrap_or_else(|| panic!("no power is stated: {bias}"));
     assert!(percent > 0.05 && percent < 1.0, "{bias}");
@@ -98,7 +100,8 @@ fn without_a_planted_bias_none_is_found_and_the_report_says_what_it_would_have_f
             let row = row(&rows, metric, variant);
             assert!(row.standard_error > Some(0.0) && row.freedom >= Some(3.0), "{row:?}");
         }
-        // The two estimates of the variance agree, as far as four seeds can tell. Only the mean squared error has a standard error.
+        // `exact_mse` and `variance` estimate the same quantity, so they must agree within the random error of four seeds. Only `exact_mse` has a
+        // standard error.
         let [error, variance] = ["exact_mse", "variance"].map(|metric| row(&rows, metric, variant));
         assert!((variance.value / error.value - 1.0).abs() < 0.25 && variance.standard_error.is_none(), "{error:?} {variance:?}");
         assert!(row(&rows, "bias_squared", variant).standard_error > Some(0.0));
@@ -112,9 +115,10 @@ fn a_planted_bias_of_one_percent_is_found() {
     for variant in ["near-cliff", "far-cliff"] {
         let bias = row(&rows, "bias", variant);
         let error = bias.standard_error.expect("four seeds");
-        // Five standard errors: with the few degrees of freedom of a small picture, this is a level of 0.0001 or so.
+        // The limit is five standard errors. With the few degrees of freedom of a small picture, this corresponds to a significance level of about
+        // 0.0001.
         assert!((bias.value - 0.01).abs() < 5.0 * error && bias.value > 10.0 * error, "{bias:?}");
-        // A mean square of areas with equal biases is the square of the bias.
+        // All areas have the same bias of 0.01, so the mean square of their biases is 0.01² = 1e-4.
         let square = row(&rows, "bias_squared", variant);
         assert!((square.value - 1e-4).abs() < 0.5e-4, "{square:?}");
         assert!(row(&rows, "bias_squared_p", variant).value < 1e-4);

@@ -29,7 +29,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&success(&[&["compare", "--json"][..], arguments].concat())).expect("JSON")
 }
 
-/// Returns the texts of the notes of an answer about one subject.
+/// Returns the texts of the notes about one subject in the JSON output of `compare`.
 fn notes(answer: &Value, about: &str) -> Vec<String> {
     let all = answer["notes"].as_array().cloned().unwrap_or_default();
     all.iter().filter(|note| note["about"] == about).map(|note| note["text"].as_str().expect("a text").to_owned()).collect()
@@ -50,7 +50,7 @@ fn close(value: &Value, expected: f64, relative: f64) {
     assert!((value - expected).abs() <= relative * expected.abs(), "{value} is not {expected}");
 }
 
-/// Compression in tiles whose order does not depend on threads.
+/// Lossless compression of tiles in a fixed order, so that the bytes of a file do not depend on the timing of threads.
 const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
 
 /// Writes an OpenEXR file of `SIZE` with these channels, which are uniform, and these chromaticities. Returns its path.
@@ -265,7 +265,7 @@ fn profiles_and_code_points_that_are_not_applied_are_named() {
     noted(&json(&[&other, &bare]), "colours", &["other.png", "ICC profile `Display P3`", "not applied"]);
     let usual = png(&folder, "usual.png", [200, 100, 50], &profile("sRGB IEC61966-2.1"));
     assert!(json(&[&usual, &bare]).get("notes").is_none());
-    // The code points are those of Rec. 2100 PQ, which are noted, and those of sRGB, which are not.
+    // The code points of Rec. 2100 PQ cause a note. The code points of sRGB cause none.
     for (points, is_noted) in [([9, 16, 0, 1], true), ([1, 13, 0, 1], false)] {
         let coded = png(&folder, "coded.png", [200, 100, 50], &[]);
         add_chunk(&coded, b"cICP", &points);

@@ -69,7 +69,7 @@ fn notes(reading: &Reading) -> String {
 
 #[test]
 fn scale_and_offset_are_applied() {
-    // The correct heights are those of the integer file, which are rounded to 0.1 m.
+    // The correct heights are those of the integer file, which are rounded to 0.1 m. So the file of floats may differ from them by 0.05 m.
     for options in [plain(), ranged(I16)] {
         same(&read("01-geotiff-scale-offset/int16_scale.tif", &options), "01-geotiff-scale-offset/truth.f32", 1e-3);
     }
@@ -165,7 +165,7 @@ fn tiles_that_are_not_in_the_file_have_no_data_or_are_0() {
         let reading = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { height_range_m: range, ..plain() });
         same(&reading, "06-sparse-tiles/truth_untagged.f32", 0.501);
         has(&notes(&reading), &["1 of 15 tiles are not in the file", "their samples are 0"]);
-        // Whatever left zeros in a map of floats, they are reported, unless the user says that they are ground.
+        // In a map of floats, samples that are exactly 0 are reported, whatever their cause, unless the user states that they are ground.
         if range.is_none() {
             has(&notes(&reading), &["1024 samples are exactly 0 (the first at column 64, row 32)", "all others are 300 to 900"]);
             let kept = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { no_data: NoData::Nothing, ..plain() });
@@ -286,7 +286,7 @@ fn maps_of_every_size_are_drawn_to_the_edge_of_their_data() {
         let path = case("16-sizes").join(file);
         let contradicted = scene_folder::examine(&path, &options(Some(30.0), None), &|| false);
         has(&one_line(contradicted), &["--metres-per-texel 30 contradicts the file"]);
-        // The same map with a spacing of 30 m instead of its own.
+        // The same heights in a raw file, which states no spacing. It is imported with a spacing of 30 m.
         let heights = heightmap::read(&path, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}")).map.samples;
         let bare = temp.0.join(format!("{file}.r32"));
         fs::write(&bare, heights.iter().flat_map(|height| height.to_le_bytes()).collect::<Vec<u8>>()).expect("written");
@@ -296,7 +296,8 @@ fn maps_of_every_size_are_drawn_to_the_edge_of_their_data() {
             let world = World::new(&scene).unwrap_or_else(|error| panic!("{error}"));
             let [east, north] = world.extent_m().map(|length| length / 2.0);
             assert!(!world.is_hole(east, north) && world.is_hole(east + 1e-3, 0.0) && world.is_hole(0.0, -north - 1e-3), "{file}");
-            // The corners of the drawn surface are the corners of the data. Two quantisations move a height by at most one step each.
+            // The corners of the drawn surface are the corners of the data. Heights are rounded to 16 bits twice: in the heightmap of the scene, and
+            // in the payload of a node. Each rounding changes a height by at most one step.
             let (low, high) = world.height_range_m();
             let tolerance = 3.0 * (high - low) / 65_535.0;
             let (last_column, last_row) = (width as usize - 1, height as usize - 1);
@@ -309,7 +310,7 @@ fn maps_of_every_size_are_drawn_to_the_edge_of_their_data() {
             }
         }
     }
-    // Samples closer together than vertices can be are drawn, and the loss is named.
+    // If samples are closer together than vertices can be, the map is drawn, and a note states the loss of detail.
     let notes = |spacing: f64| {
         let understood = scene_folder::examine(&temp.0.join("sq_5x5.tif.r32"), &options(Some(spacing), Some([5, 5])), &|| false);
         understood.unwrap_or_else(|error| panic!("{error}")).notes().join("; ")
@@ -346,7 +347,7 @@ fn eight_bit_numbers_in_a_file_of_16_bits_are_reported() {
         notes(&heightmap::decode(file, Path::new("made.png"), &ranged(R)).unwrap_or_else(|error| panic!("{error}")))
     };
     let stretched: Vec<u16> = (0..48).map(|k| 257 * (k * 5)).collect();
-    // A code of 257 is 1/255 of the range of 600 m.
+    // 257 is 1/255 of 65535, so a step of 257 codes is 1/255 of the range of 600 m, which is 2.353 m.
     has(
         &read_codes(&stretched),
         &["all samples are multiples of 257", "48 levels in steps of 2.353 m", "terraces", "export the heights with 16 bits"],
@@ -364,7 +365,8 @@ fn eight_bit_numbers_in_a_file_of_16_bits_are_reported() {
 fn raw_files_are_read_in_their_depth_and_byte_order() {
     let sized = |options: ReadOptions| ReadOptions { raw_size: Some([65, 49]), ..options };
     let big = |options: ReadOptions| ReadOptions { raw_big_endian: true, ..options };
-    // `truth.f32` has the heights of the integers, so the file of floats differs from it by their rounding.
+    // `truth.f32` has the heights of the integer files. The heights of the float file are not rounded to integers, so they differ by up to half a
+    // step.
     same(&read("22-raw/float.r32", &sized(plain())), "22-raw/truth.f32", 0.005);
     same(&read("22-raw/le.raw", &sized(ranged(R))), "22-raw/truth.f32", 1e-3);
     same(&read("22-raw/be.r16", &big(sized(ranged(R)))), "22-raw/truth.f32", 1e-3);
@@ -474,7 +476,7 @@ fn alpha_hides_samples_of_openexr_files() {
     let ground = ReadOptions { no_data: NoData::Nothing, ..plain() };
     let kept = read(&alpha, &ground).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((kept.report.void_count, kept.map.samples), (0, whole.map.samples), "the user says that all numbers are ground");
-    // A program that writes alpha 0 everywhere.
+    // A file in which alpha is 0 everywhere, as some programs write it.
     has(&one_line(read(&[0.0; 30], &plain())), &["no sample has data", "30 that are transparent", "--no-data none"]);
     alpha[14] = 0.5;
     has(&one_line(read(&alpha, &plain())), &["partly transparent (first at column 2, row 2: channel `A` is 0.5)"]);
@@ -606,7 +608,7 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     let vertical = shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4099, 0, 1, 9001]);
     let both = vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical, metadata(&[("unittype", "ft")])];
     has(&one_line(with_tags(both, &plain())), &["contradicts itself", "unit foot", "unit metre"]);
-    // The unit of the first vertical system is not known; that of the second is known (negative control).
+    // The reader does not know the unit of the vertical system 5103. It knows the unit of 5703 (negative control).
     let vertical = |system: u16| shorts(34_735, &[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32_632, 4096, 0, 1, system]);
     let with_system = |system: u16| with_tags(vec![doubles(33_550, &[10.0, 10.0, 0.0]), vertical(system)], &plain());
     let unknown = with_system(5103).unwrap_or_else(|error| panic!("{error}"));
@@ -621,7 +623,7 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     let tagged = with_tags(vec![words(42_113, "-9999")], &plain()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((tagged.report.void_count, tagged.map.samples), (0, whole.map.samples));
     assert!(with_tags(and(Vec::new()), &ReadOptions::default()).is_ok(), "negative control: the tags of UTM are right");
-    // A system in feet, whose unit no key states.
+    // A coordinate system in feet (EPSG:2229), in a file whose keys do not state the unit.
     let california = || vec![doubles(33_550, &[10.0, 10.0, 0.0]), shorts(34_735, &[1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2229])];
     let says = [
         "spacing of 10, but not its unit",
@@ -796,14 +798,15 @@ const PLACES: [Place; 6] = [
 const SPARSE_PLACES: [Place; 4] =
     [([-795.0, 475.0], 763.916), ([795.0, 475.0], 732.158), ([-795.0, -475.0], 875.682), ([795.0, -475.0], 888.061)];
 
-/// An import of a whole file by the program: what it must make of it.
+/// A file that the program imports as a whole, and the expected result.
 struct Imported {
     file: &'static str,
     options: &'static [&'static str],
     truth: &'static str,
     /// Metres from one sample to the next.
     spacing_m: f64,
-    /// Largest error, metres, against `truth` and against the stated heights: the rounding of the samples or of the truth to integers or tenths.
+    /// Largest accepted errors, metres: against `truth`, and against the heights in `PLACES` or `SPARSE_PLACES`. They cover the rounding of the
+    /// samples or of the truth to integers or tenths.
     tolerances: [f64; 2],
     /// Columns and rows of the samples without data.
     without_data: Option<[std::ops::Range<usize>; 2]>,
@@ -893,7 +896,7 @@ fn check_world(world: &World, of: &Imported) {
     let truth = truth(of.truth);
     let (width, places) = if truth.len() == 160 * 96 { (160, &SPARSE_PLACES[..]) } else { (65, &PLACES[..]) };
     let depth = truth.len() / width;
-    // The heightmap of the scene has 16 bits.
+    // The heightmap of the scene has 16 bits, so one of its steps is added to the tolerances.
     let (low, high) = world.height_range_m();
     let [tolerance, of_stated] = of.tolerances.map(|tolerance| tolerance + (high - low) / 65_535.0);
     let east = |column: usize| (column as f64 - (width - 1) as f64 / 2.0) * spacing_m;
@@ -933,7 +936,8 @@ fn check_world(world: &World, of: &Imported) {
 fn what_a_killed_import_left_behind_is_removed_by_the_next_one() {
     let temp = Folder::new("cases-killed");
     let (source, out) = (case("07-south-up/south_up.tif").display().to_string(), temp.path("scene"));
-    // No process has so large a number. Names that only begin alike are kept.
+    // No process has such a high process id, so the folder `dead` counts as left behind by a killed import. The names in `others` are only similar,
+    // so their folders must be kept.
     let (dead, others) = (temp.0.join(".scene.part-4294967294"), [".scene.part-", ".scene.part-x", ".other.part-4294967294"]);
     for name in [".scene.part-4294967294"].iter().chain(&others) {
         fs::create_dir(temp.0.join(name)).expect("created");
@@ -955,7 +959,7 @@ fn what_a_killed_import_left_behind_is_removed_by_the_next_one() {
     drop(filled);
     let left = fs::read_dir(&temp.0).expect("readable").count();
     assert_eq!(left, 1 + others.len(), "neither folders nor locks are left");
-    // A killed process had the number of this one: its files do not become a part of the folder.
+    // A killed process may have had the same process id as this process. The files that it left behind must not become part of the folder.
     let place = temp.0.join("again");
     let own = temp.0.join(format!(".again.part-{}", std::process::id()));
     fs::create_dir(&own).expect("created");

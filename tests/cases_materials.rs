@@ -370,8 +370,8 @@ fn each_map_may_have_its_own_size_36() {
     let small = case("36-sizes/set/granite/roughness.png");
     let granite = drawn("36", &survey, 64).remove(0);
     same_values("smoothness", &granite.smoothness, &small, |t| 1.0 - t[0]);
-    // At the size of the other maps, the roughness is interpolated. The centre of each texel divides the way between two centres of texels in the
-    // file in the ratio 1 : 3 or 3 : 1.
+    // At the size of the other maps, the roughness is interpolated. Along each axis, the centre of a texel lies at a quarter or at three quarters of
+    // the distance between two texel centres of the file.
     let granite = drawn("36-large", &survey, 128).remove(0);
     same_albedo(&granite, &case("36-sizes/set/granite/albedo.png"));
     let rough: Vec<f64> = texels(&small).iter().map(|t| t[0]).collect();

@@ -11,7 +11,7 @@ use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
-/// Compression in tiles whose order does not depend on threads.
+/// Lossless compression of tiles in a fixed order, so that the bytes of a file do not depend on the timing of threads.
 const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
 
 /// Name of a channel, and a function that returns the channel's value from the index of a texel.

@@ -20,8 +20,8 @@ use crate::fixtures::{SIZE, gpu, pose, renderer, request, second_renderer, small
 use crate::shading;
 
 const PIXELS: u32 = SIZE[0] * SIZE[1];
-/// Largest difference of display values between the lit picture that is composed from layers and that of a variant's own shader: a quarter of the step of
-/// an 8-bit code. Measured: 0.0006.
+/// Largest accepted difference, in display values, between a lit picture that is composed from layers and the lit picture of the variant's own
+/// shader: a quarter of the step of an 8-bit code. Measured: 0.0006.
 const LIT: f64 = 0.25 / 255.0;
 
 fn all_flavours() -> Variant {
@@ -79,8 +79,8 @@ fn every_variant_composed_equals_its_own_shader() {
             pixels.map(of_pixel).fold(0.0, f64::max)
         };
         let worst = differs_lit(&lit);
-        // The two G-buffers differ by one rounding to f16 of each component. The variant of a single flavour has the same G-buffer, so only the
-        // rounding of the display value to f16 remains: 2^-12 below 1.
+        // Composition rounds each component of the G-buffer to f16 once more than the variant's own shader. For a variant of a single flavour, the
+        // G-buffers are equal, and only the display values are rounded to f16. Below 1, this rounding error is at most 2^-12.
         let tolerance = if variant.is_some_and(|v| v.flavours().count() == 1) { 2.0 * 2f64.powi(-12) } else { LIT };
         assert!(worst <= tolerance, "the lit picture of {name} differs from that of its own shader by {worst}");
         if let Some(previous) = previous_lit.replace(lit) {
@@ -113,7 +113,7 @@ fn lit_pictures_are_clipped_at_white_and_follow_the_exposure() {
         values.sort_by(f32::total_cmp);
         (values[values.len() / 2], values[values.len() - 1])
     });
-    // 1.055 - 0.055 is 1 up to a rounding.
+    // The sRGB curve maps 1 to 1.055 - 0.055, which may exceed 1 by a rounding error. 2^-10 is one step of f16 above 1.
     largest.iter_mut().for_each(|(_, most)| *most -= 2f32.powi(-10));
     assert!(largest[1].1 <= 1.0 && largest[1].1 > 0.99, "six stops brighter, some pixels are white and none is brighter: {largest:?}");
     assert!(largest[1].0 > 1.3 * largest[0].0, "{largest:?}");

@@ -261,7 +261,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     off.sort_by(f64::total_cmp);
     assert!(off.len() > 100 && off[off.len() / 2] < 1.0, "{} pixels, median {:?} m off the ground", off.len(), off.get(off.len() / 2));
 
-    // The picture does not change if each variant is drawn in a pass of its own.
+    // The picture does not change if each variant is drawn in a separate pass.
     let auto = base.with(|r| r.shading.variant = VariantChoice::Auto);
     let whole = renderer.render(&auto).expect("renders");
     let timed = renderer.render(&auto.with(|r| r.outputs.time_variants = true)).expect("renders");

@@ -411,9 +411,9 @@ fn filtering_by_lod_is_filtering_by_gradients() {
             [row[0], row[1], row[2], row[3], row[4], row[5], cos as f32, sin as f32]
         })
         .collect();
-    // Between two levels, a device distinguishes at least 16 steps. As the length of a gradient, it may use any number from the larger component to
-    // the sum of both components. Such a number differs from the length by a factor of at most sqrt 2, which is half a level (Vulkan, "Scale Factor
-    // Operation, Level-of-Detail Operation").
+    // Between two levels, a device distinguishes at least 16 steps. A device may use any number from the larger component of a gradient to the sum of
+    // both components as the length of the gradient. Such a number differs from the length by a factor of at most sqrt 2, which is half a level
+    // (Vulkan, "Scale Factor Operation, Level-of-Detail Operation").
     const STEP: f32 = 1.0 / 16.0;
     let worst = |found: &[[f32; 3]]| {
         found.iter().fold([0.0_f32; 2], |most, [lod, level, by_gradients]| {

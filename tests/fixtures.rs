@@ -21,8 +21,8 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub(crate) const SIZE: [u32; 2] = [96, 64];
 
-/// The built-in scene with small textures and without anisotropic filtering. Tests compare stochastic texture filtering, which cannot filter
-/// anisotropically, with the other estimators.
+/// The built-in scene with small textures and without anisotropic filtering. Tests compare the other estimators with stochastic texture filtering
+/// (`stf`), which cannot filter anisotropically.
 pub(crate) fn small_scene() -> scene::Scene {
     let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
     scene.detail_size = 64;

@@ -39,7 +39,7 @@ fn rows() -> Vec<([u32; 2], u32)> {
     rows
 }
 
-/// Stitches all rows on the GPU, with the functions whose names begin with `prefix`, after `wgsl` was added to the shader.
+/// Stitches all rows on the GPU, with the functions whose names begin with `prefix`. `wgsl` is added to the shader.
 fn on_gpu(wgsl: &str, prefix: &str) -> Vec<[u32; 2]> {
     let body = format!(
         "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
@@ -58,10 +58,10 @@ fn differences(found: &[[u32; 2]]) -> usize {
 
 #[test]
 fn stitching_equals_its_reference() {
-    // The shader of a probe contains the text of the stage.
+    // The shader of a probe already contains the text of the stage, so no WGSL is added.
     assert_eq!(differences(&on_gpu("", "geometry")), 0);
-    // Negative controls: a vertex halfway between two vertices of the neighbour moves to the upper one; the northern border uses the delta of the
-    // southern neighbour.
+    // Negative controls: a vertex halfway between two vertices of the neighbour moves to the one with the higher index instead of the lower; the
+    // northern border uses the delta of the southern neighbour.
     for (from, to) in [("(step - 1u) / 2u", "step / 2u"), ("(deltas >> 12u) & 15u", "(deltas >> 4u) & 15u")] {
         assert!(STITCH_WGSL.text.contains(from), "the mutant must change something");
         // The functions of the mutant are renamed, because the shader already contains the original ones.
@@ -156,8 +156,8 @@ fn outside_px(renderer: &Renderer<'_>, request: &RenderRequest, half_extent: DVe
     let [width, height] = request.view.size;
     let pixel = |k: u32| {
         let ray = view.ray(f64::from(k % width), f64::from(k / width));
-        // Each step leaves at most 5/6 of the error: the slope of the ground is below 0.8, and no ray goes sideways by more than 1.04 m per metre
-        // down.
+        // Finds the distance t along the ray by fixed-point iteration. Each step leaves at most 5/6 of the error: the slope of the ground is below
+        // 0.8, and no ray moves sideways by more than 1.04 m per metre down.
         let step = |t: f64| (eye.z - renderer.ground_m(eye.x + ray.x * t, eye.y + ray.y * t)) / -ray.z;
         let t = (0..80).fold(6.0, |t, _| step(t));
         ((eye + ray * t).truncate().abs() - half_extent).max_element() / (view.ray_dx.length() * t)
@@ -190,7 +190,7 @@ fn the_ground_of_a_heightmap_is_drawn_to_the_edge_of_its_data() {
         let on = terrain(&picture);
         assert!(on.iter().filter(|on| **on).count() > on.len() / 6 && on.iter().any(|on| !on), "{place:?}");
         assert_eq!(wrong_side(&picture, &outside_px(&renderer, &request, data)), 0, "{place:?}");
-        // Negative control.
+        // Negative control: the ground does not end at the last vertices.
         assert!(wrong_side(&picture, &outside_px(&renderer, &request, last_vertices)) > 20, "{place:?}");
         // The drawn ground is the ground of the reference. Positions are f32, and the slope is below 1.
         let position = picture.vectors("position").expect("requested");
@@ -213,7 +213,8 @@ fn the_ground_of_a_heightmap_is_drawn_to_the_edge_of_its_data() {
     }
     angles.sort_by(f64::total_cmp);
     // The slope there is about 27 degrees. Stored normals have an error of 1 or 2 degrees, and the slope changes by 5 degrees at the last vertices.
-    // Normals that take the last vertices and the edge as 4 m apart would be too flat by 8 degrees at the middle of the strip.
+    // If the distance from the last vertices to the edge were taken as 4 m instead of 2 m, normals in the middle of the strip would be 8 degrees too
+    // flat.
     assert!(angles.len() > 500 && angles[angles.len() / 2] < 5.0, "median of {}: {} degrees", angles.len(), angles[angles.len() / 2]);
     let request = request.with(|r| r.shading.estimator = Estimator::Fc5);
     let inside = [SIZE[0] / 2 - 4, SIZE[1] / 2];
@@ -230,8 +231,8 @@ fn the_edge_of_the_data_has_no_cracks_where_lods_meet() {
     let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
     let world = renderer.world().clone();
     let (layout, data) = (*world.layout(), DVec2::from_array(world.extent_m()) / 2.0);
-    // Nodes are selected from another place, so that a border between two LODs crosses the edge of the data in the middle of the picture, and so that
-    // the coarsest node is drawn alone.
+    // Nodes are selected for a camera at a different position (frozen culling). In the first two cases, a border between two LODs crosses the edge of
+    // the data in the middle of the picture. In the third case, the coarsest node is drawn alone.
     let eye = |x: f64, y: f64, yaw: f64| Pose {
         position: DVec3::new(x, y, world.surface_height_m(x, y) + 50.0),
         yaw,

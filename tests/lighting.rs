@@ -49,7 +49,7 @@ fn texture(format: wgpu::TextureFormat, aspect: wgpu::TextureAspect, bytes: &[u8
     texture
 }
 
-/// A depth texture whose every pixel has the same depth.
+/// A depth texture with the same depth in all pixels.
 fn depth(value: f32) -> wgpu::Texture {
     let texture = gpu().target("given depth", SIZE, geometry::DEPTH_FORMAT);
     let mut encoder = gpu().encoder("given depth");

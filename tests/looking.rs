@@ -254,7 +254,7 @@ fn stand(model: &mut Model) {
     model.settings.scale = 0.2;
 }
 
-/// Creates a window with a drawing thread of its own, which is not shared with other tests, because these tests open other scenes.
+/// Creates a window with a separate drawing thread. Other tests do not share this thread, because the tests of this file open other scenes.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);

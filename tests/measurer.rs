@@ -1,4 +1,4 @@
-//! A stand-in for the renderer, which invents the measurements of a run. Tests of runs use it, because nothing then has to be rendered.
+//! A stand-in for the renderer, which invents the measurements of a run. Tests of runs use it, so that nothing has to be rendered.
 
 use std::cell::Cell;
 use std::fs;
@@ -10,8 +10,8 @@ use ::experiments::row::Row;
 use ::experiments::store::Provenance;
 use ::experiments::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the files of the reference, as measured numbers
-/// do. It does not notice damaged references.
+/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the files of the reference, as measured
+/// numbers do. It does not notice damaged references.
 pub(crate) struct Fake {
     pub(crate) definition: Definition,
     /// Mixed into every number; 0, except in negative controls.
@@ -73,18 +73,18 @@ impl Measure for Fake {
             if let Work::Timing { .. } = unit.work {
                 let unique = 1.0 + self.calls.get() as f64 + f64::from(std::process::id());
                 let time = if self.times_repeat { self.number(&format!("{}/{variant}", unit.id)) } else { unique };
-                // The store sets the unit.
+                // The unit is wrong on purpose: the store must replace it.
                 outcome.times.push(Row { unit: "wrong".to_owned(), standard_error: Some(0.0), ..row(variant, "gpu_ms:shading", time) });
                 continue;
             }
             let reference = [fs::read(own.join(&names[0]))?, fs::read(own.join(&names[1]))?].concat();
             for frame in (0..self.definition.frames).rev() {
                 let value = self.number(&format!("{}/{variant}/{frame}/{reference:?}", unit.id));
-                // Values that are no numbers are stored, too.
+                // NaN and infinity must be stored, too.
                 let psnr = if frame == 0 { f64::NAN } else { f64::INFINITY };
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "rmse", value) });
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "psnr", psnr) });
-                // The definitions do not ask for this metric, so the store must leave it out.
+                // The definitions do not list this metric, so the store must leave it out.
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "ssim", value) });
             }
             for lag in 1..self.definition.frames {
@@ -96,7 +96,7 @@ impl Measure for Fake {
     }
 }
 
-/// The machine on which such a run claims to have been carried out.
+/// The adapter and the driver that the runs of tests record.
 pub(crate) fn machine() -> Provenance {
     Provenance {
         adapter: "none".to_owned(),

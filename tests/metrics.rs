@@ -236,8 +236,8 @@ fn sums_of_ragged_pictures_equal_their_reference() {
         let mut meter = meter(gpu, size, &[Resolve::Off]);
         let links = ragged_links(size);
         meter.write_links(gpu, &links, &vec![[0.0; 2]; RAGGED_PIXELS]);
-        // The second sequence finds the pictures of the first one in its buffers, and must not use them. The third has no reference in its second
-        // frame, so residuals are known again from its fourth frame on.
+        // The second sequence starts while the buffers contain the pictures of the first sequence, and must not use them. The third sequence has no
+        // reference in its second frame, so residuals at lag 1 are measured again from its fourth frame on.
         for (frames, gap) in [(0..7u32, None), (7..10, None), (10..17, Some(1))] {
             let pictures: Vec<_> = frames.clone().map(ragged_and_invalid).collect();
             let references: Vec<_> = frames.map(|frame| ragged_and_invalid(frame + 1000)).collect();
@@ -254,11 +254,11 @@ fn sums_of_ragged_pictures_equal_their_reference() {
                     let memory = meter.memory(gpu, 0).expect("the device works");
                     for (at, (found, expected)) in memory.iter().zip(&expected).enumerate() {
                         assert_eq!(f64::from(found[1]), expected[1], "frame {index}, pixel {at}");
-                        // A step rounds a number below 2 about four times, and the mean forgets earlier roundings.
+                        // A step of the exponential mean rounds a number below 2 about four times. The effect of earlier roundings decays.
                         let off = (f64::from(found[0]) - expected[0]).abs();
                         assert!(off <= 16.0 * 2f64.powi(-24), "frame {index}, pixel {at}: {found:?} and not {expected:?}");
                     }
-                    // Negative control: an eye that does not follow the surface remembers something else.
+                    // Negative control: a mean that does not follow the links of the surface differs.
                     if index > 2 {
                         let own: Vec<u32> = (0..RAGGED_PIXELS as u32).collect();
                         let still = reference::remember(&pictures[index], known, remembered.as_deref(), &own, VIEWING.adaptation());
@@ -302,7 +302,7 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
         for (found, expected) in sums(found).into_iter().zip(sums(expected)) {
             assert!((found - expected).abs() <= tolerance(expected), "frame {index}, lag {}: {found} and not {expected}", lag + 1);
         }
-        // The products have both signs. The scale of their sum is that of the squares.
+        // The products have both signs, so their sum may be small. Its rounding error is relative to the sums of the squares.
         let (found, expected) = (found.residual, expected.residual);
         let scale = expected.change_square + expected.reference_square;
         assert!((found.product - expected.product).abs() <= tolerance(scale), "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
@@ -325,8 +325,8 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
     assert!(index <= since || filled(&expected.residual_histogram) > 60, "frame {index}");
 }
 
-/// Sums of the residual at lag 1 over all frames of a sequence without motion, and the same for the differences of both sequences: the sum of those of
-/// the stream minus that of the reference.
+/// Returns two results at lag 1, over all frames of a sequence without motion: the sums of the residual, and the excess difference. `test` and
+/// `truth` are the luminances of the stream and of the reference sequence, by pixel and frame.
 fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize, u32) -> f64) -> (Residual, f64) {
     let gpu = gpu();
     let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
@@ -348,7 +348,8 @@ fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize
 
 #[test]
 fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
-    // q: standard deviation of white detail, which the reference aliases anew in each frame. s: that of white noise of the test. a: a step.
+    // Q: standard deviation of white detail, which the reference aliases differently in each frame. S: standard deviation of white noise in the
+    // tested picture. A: height of a step.
     const Q: f64 = 0.05;
     const S: f64 = 0.03;
     const A: f64 = 0.125;
@@ -359,7 +360,7 @@ fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
     let own = |i: usize, f: u32| noise(i, f, 51);
     let flat = |_: usize, _: u32| 0.5;
     type Luminance<'a> = &'a dyn Fn(usize, u32) -> f64;
-    // name, test, reference, excess difference, residual, added, lost
+    // Columns: name, luminance of the tested stream, luminance of the reference, and the expected excess difference, residual, added and lost change.
     let both = (Q * Q + S * S).sqrt();
     let cases: [(&str, Luminance<'_>, Luminance<'_>, [f64; 4]); 8] = [
         ("fresh white noise", &|i, f| 0.5 + S * own(i, f), &flat, [2.0 * S / root, 2.0 * S / root, 2f64.sqrt() * S, 0.0]),
@@ -386,16 +387,17 @@ fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
             [
                 0.0,
                 (1.0 + 3f64.sqrt()) * Q / root,
-                // dY is 0 on one half and dR + n on the other, with n of variance 6 Q²: g = 1/2. The variance of dY - g dR is then Q² / 2 on the first
-                // half and Q² / 2 + 6 Q² on the other: 3.5 Q² on average.
+                // dY and dR are the changes of the stream and of the reference, and g is `Residual::gain`. dY is 0 on one half of the pixels and dR +
+                // n on the other half, where n has the variance 6 Q². So g = 1/2. The variance of dY - g dR is Q² / 2 on the first half and Q² / 2 +
+                // 6 Q² on the second half: 3.5 Q² on average.
                 3.5f64.sqrt() * Q,
                 0.5 * 2f64.sqrt() * Q,
             ],
         ),
     ];
-    // Means over 8 x 6144 pixels. Consecutive differences share a frame, which at most doubles the variance of a mean. A difference or square has a
-    // standard deviation of at most twice its mean, so a mean has a relative error of at most 2 sqrt(2 / 49 152) = 1.3 %. The tolerance is 5 of them
-    // times the scale Q or S of the case, plus the rounding of luminances near 1 to f16 in two pictures.
+    // The results are means over 8 x 6144 pixels. Consecutive differences share a frame, which at most doubles the variance of a mean. A difference
+    // or square has a standard deviation of at most twice its mean, so a mean has a relative error of at most 2 sqrt(2 / 49 152) = 1.3 %. The
+    // tolerance is 5 such errors of a mean of 2 Q, plus the rounding of luminances near 1 to f16 in two pictures.
     let tolerance = 5.0 * 0.013 * 2.0 * Q + 2f64.powi(-12);
     for (name, test, truth, [excess, mean, added, lost]) in cases {
         let (sums, old) = residuals(FRAMES, test, truth);
@@ -447,8 +449,9 @@ fn an_error_that_moves_with_the_surface_has_no_residual() {
 
 #[test]
 fn what_an_eye_remembers_has_its_closed_forms() {
-    // Fresh white noise of deviation S is reduced by sqrt(a / (2 - a)) in time. The first frames count equally, so after n frames with 1/n > a, the
-    // remembered error is the mean of n frames. Noise that is fixed to the surface is remembered as it is.
+    // The remembered error is an exponential mean, in which a new frame has the weight a (`adaptation`). It reduces white noise that changes in each
+    // frame, of the deviation S, by the factor sqrt(a / (2 - a)). The first frames count equally: while 1/n > a, the mean of n frames is remembered.
+    // Noise that is fixed to the surface is not reduced.
     const S: f64 = 0.05;
     const FRAMES: u32 = 40;
     let gpu = gpu();
@@ -463,7 +466,7 @@ fn what_an_eye_remembers_has_its_closed_forms() {
             take(gpu, &mut meter, &picture, Some(&truth));
             let memory = meter.memory(gpu, 0).expect("the device works");
             let rms = (memory.iter().map(|[m, _]| f64::from(*m).powi(2)).sum::<f64>() / PIXELS as f64).sqrt();
-            // Weight of each frame so far, the latest first.
+            // Weight of each frame so far, the earliest first.
             let mut weights = vec![1.0];
             for n in 2..=frame + 1 {
                 let share = a.max(1.0 / f64::from(n));
@@ -471,12 +474,13 @@ fn what_an_eye_remembers_has_its_closed_forms() {
                 weights.push(share);
             }
             let norm = if fresh { weights.iter().map(|w| w * w).sum::<f64>().sqrt() } else { 1.0 };
-            // A root of a mean of 6144 squares has a relative deviation of 1 / sqrt(2 x 6144) = 0.9 %. The tolerance is 5 of them.
+            // The root mean square of 6144 samples has a relative standard deviation of 1 / sqrt(2 x 6144) = 0.9 %. The tolerance is 5 times this
+            // deviation.
             assert!((rms / (S * norm) - 1.0).abs() < 0.045, "frame {frame}: {rms} and not {}", S * norm);
             if frame + 1 == FRAMES && fresh {
                 assert!((norm / (a / (2.0 - a)).sqrt() - 1.0).abs() < 0.01, "{norm}");
-                // With 20 pixels per degree, the filter correlates 8 neighbours, so the root has a standard deviation of 2.5 %. Near a border, the
-                // filter averages fewer pixels.
+                // With 20 pixels per degree, the filter correlates 8 neighbours, so the root mean square has a relative standard deviation of 2.5 %.
+                // Near a border, the filter averages fewer pixels.
                 let noise = perceived_noise(SIZE, &memory, 20.0).expect("pixels");
                 let expected = S * norm * perceived::norm(20.0);
                 assert!((noise / expected - 1.0).abs() < 0.15, "{noise} and not {expected}");

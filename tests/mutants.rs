@@ -87,7 +87,7 @@ struct StageTests {
     first: BTreeMap<String, Vec<String>>,
 }
 
-/// The Rust that `make mutants-rust` changes if it is not told which.
+/// The Rust files that `make mutants-rust` changes if `FILE` is not given.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct References {
@@ -111,8 +111,8 @@ struct Equivalent {
 }
 
 impl Strength {
-    /// Returns the reason why a mutant is equivalent; `None` if it is not known to be. `line`: the text of the changed line, without leading and trailing
-    /// spaces. `changes`: the description of the change, with and without the number of the occurrence.
+    /// Returns the reason why a mutant is equivalent; `None` if it is not listed as equivalent. `line`: the text of the changed line, without leading
+    /// and trailing spaces. `changes`: the description of the change, with and without the number of the occurrence.
     fn reason(&self, file: &str, line: &str, changes: [&str; 2]) -> Option<&str> {
         let is_it = |known: &&Equivalent| {
             let is_known = |change: &String| change == "*" || changes.contains(&change.as_str());
@@ -263,8 +263,8 @@ impl Drop for Runner {
     }
 }
 
-/// Starts a test binary, and waits until a test fails, the binary ends, or the time limit is reached. Returns how the run ended, and the number of tests
-/// that passed.
+/// Starts a test binary, and waits until a test fails, the binary ends, or the time limit is reached. Returns how the run ended, and the number of
+/// tests that passed.
 fn watch(mut command: Command, limit: Duration) -> Result<(End, usize)> {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().context("the test binary cannot be started")?;
     let lines = lines_of(&mut child);
@@ -366,7 +366,7 @@ const SPOILT: [Spoilt; 3] = [
     Spoilt {
         what: "writes outside a buffer",
         lines: "links[id.x * 1000003u + 40000000u] = 1u;",
-        // The device discards the write, so that it harms no other test.
+        // The device must discard the write, so that it affects no other test.
         is_expected: |end| matches!(end, End::Passed),
     },
 ];

@@ -1,5 +1,5 @@
-//! Tests how `make mutants-rust` reads the list of cargo-mutants and applies its mutants. The list is written as version 27.1.0 writes it. Also tests that
-//! `strength.toml` names lines that exist.
+//! Tests how `make mutants-rust` reads the list of cargo-mutants and applies its mutants. The list is written as version 27.1.0 writes it. Also tests
+//! that `strength.toml` names lines that exist.
 
 use std::fs;
 use std::path::Path;

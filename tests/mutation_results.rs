@@ -1,4 +1,4 @@
-//! Tests the tables of `make mutants`: what an interrupted call leaves is continued, and is not an error.
+//! Tests the tables of `make mutants`: a table that an interrupted call left is continued, and is not an error.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ fn the_rate_counts_neither_equivalent_mutants_nor_those_that_do_not_compile() {
     let text = summary("noise", &rows, 12.0);
     let counts = "noise: 75.0 % killed; 2 by tests, 1 by the time limit, 1 survived, 1 equivalent; 1 did not compile; 12 s";
     assert_eq!(text.lines().next(), Some(counts));
-    // Each survivor has a line that says where it is.
+    // Each surviving mutant has a line with its file and line number.
     assert_eq!(text.lines().count(), 2);
     assert!(text.contains("shared/hash.wgsl:4 "), "{text}");
     assert!(summary("noise", &[], 0.0).starts_with("noise: 0.0 % killed"));

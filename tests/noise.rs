@@ -496,7 +496,7 @@ fn seen(ground_m: f64, height_m: f64, to: [f64; 2]) -> HashedPoint<f32> {
 #[test]
 fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
     const POINTS: u32 = 10_000;
-    // Of points of the ground, the share whose choice among four equal texels differs between two frames.
+    // Returns the share of ground points whose choice among four equally weighted texels differs between two frames.
     let flips = |kind: NoiseKind, ground_m: f64, height_m: f64, raised_m: f64, seeds: [u32; 2]| {
         let mut random = Random(ground_m.to_bits() ^ height_m.to_bits());
         let flipped = |_: u32| {
@@ -512,7 +512,7 @@ fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
     };
     for kind in GROUND {
         for ground_m in [0.0, 0.3, 61.3, 700.0, 700.123, 2000.0, 8848.1] {
-            // From 500 m above, the rounding error of an elevation is that of the eye's elevation, whatever that of the ground.
+            // Seen from 500 m above, the rounding error of a point's elevation is that of the eye's elevation, at any elevation of the ground.
             for height_m in [1.7, 30.0, 500.0] {
                 let share = flips(kind, ground_m, height_m, 0.01, [8; 2]);
                 // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the thresholds of the hashed kinds change by up to 1 %.

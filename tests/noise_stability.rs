@@ -175,7 +175,7 @@ fn rejecting(rows: &[Row]) -> BTreeSet<String> {
     rows.iter().filter(|row| !row.holds()).map(|row| row.statistic.clone()).collect()
 }
 
-/// Returns the statistics of a noise on a ground that lie outside the budgets of hashed noise.
+/// Returns the statistics in `measured` that are outside the budgets of hashed noise for this ground and motion.
 fn out_of_budget(budgets: &[Row], ground: &str, motion: Motion, measured: Measured) -> Vec<Row> {
     let of = |(statistic, value): (&str, f64)| {
         let budget = budgets

@@ -298,8 +298,8 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
         let frame = |w: u16, h: u16| [b"\xff\xc0\0\x11\x08".as_slice(), &h.to_be_bytes(), &w.to_be_bytes()].concat();
         claiming("texture", "rgb8.jpg", &frame(8, 8), &frame(new, new))
     };
-    // The edges are the largest one that is allowed, one more, and the largest one that a file can state. All are refused, because the files do not
-    // contain so much data.
+    // The stated widths and heights are the largest that is allowed, the largest plus 1, and the largest that a file can state. All are refused,
+    // because the files do not contain so many samples.
     for edge in [16_385, 16_386, (1 << 31) - 1] {
         for (what, bytes) in [("png", png("heightmap", "grey16.png", [5, 4], edge)), ("exr", exr(edge.cast_signed())), ("tif", tiff(edge))]
         {

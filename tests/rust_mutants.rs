@@ -4,8 +4,8 @@
 //! dependency there, which takes minutes. Here the copy and its compiled dependencies are kept in `target/mutants`, so a mutant costs one incremental
 //! build. The sources of the project are never changed, so an interrupted call leaves no fault in them.
 //!
-//! A mutant is judged by the test binary `references`. If all its tests pass, and the folder of the mutated file has unit tests, the unit tests of this
-//! folder also run. No test of these two needs a graphics adapter.
+//! A mutant is judged by the test binary `references`. If all its tests pass, and the folder of the mutated file has unit tests, these unit tests
+//! also run. None of these tests needs a graphics adapter.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -50,12 +50,12 @@ pub(crate) fn run(args: &Args, strength: &Strength, root: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns a path without the folder of the sources, if it begins with it.
+/// Returns a path relative to [`SOURCES`], without a slash at the end. A path that does not begin with [`SOURCES`] is taken as relative to it.
 fn inside(path: &str) -> &str {
     path.strip_prefix(SOURCES).map_or(path, |path| path.trim_start_matches('/')).trim_end_matches('/')
 }
 
-/// Returns the pattern of a file, or of all files in a folder.
+/// Returns the glob pattern that selects a file, or all files in a folder.
 fn glob(root: &Path, path: &str) -> Result<String> {
     let path = inside(path);
     let place = root.join(SOURCES).join(path);
@@ -129,7 +129,7 @@ fn one_path(args: &Args, strength: &Strength, tree: &Tree, judges: &mut Judges, 
                 row
             }
         };
-        // Mutants that do not compile are not counted, but only the compiler knows them.
+        // Mutants that do not compile do not count towards the sample. Whether a mutant compiles is known only after its build.
         if row.outcome != Outcome::NotCompiled {
             compiled += 1;
             bar.inc(1);
@@ -159,12 +159,12 @@ impl fmt::Display for Judge {
     }
 }
 
-/// The time limits of the judges that have passed the sources without a fault.
+/// The time limits of the judges. A judge has an entry once its tests have passed without a mutant.
 #[derive(Default)]
 struct Judges(BTreeMap<Judge, Duration>);
 
 impl Judges {
-    /// Judges a mutant of a file. Returns what became of it, and what decided that. Afterwards, the copy has the original file again.
+    /// Judges a mutant of a file. Returns the outcome, and the test or the time limit that decided it. Restores the original file in the copy.
     fn judge(&mut self, tree: &Tree, file: &str, original: &str, text: &str) -> Result<(Outcome, String)> {
         let mut judges = vec![Judge::References];
         let folder = file.trim_start_matches(SOURCES).trim_start_matches('/').split(['/', '.']).next().unwrap_or_default();
@@ -267,7 +267,8 @@ impl Tree {
             Judge::References => command.args(["--test", "references"]),
             Judge::Units(_) => command.arg("--lib"),
         };
-        // Lints are errors in `make test`. A mutant may cause them: it may leave an argument without a use.
+        // `make test` sets RUSTC_WORKSPACE_WRAPPER to a script that turns lints into errors. The variable is removed here, because a mutant may cause
+        // a lint, such as an unused argument, and must compile nevertheless.
         command.args(["--message-format", "json"]).current_dir(&self.sources).env("CARGO_TARGET_DIR", &self.target);
         command.env_remove("RUSTC_WORKSPACE_WRAPPER").stderr(if shows_progress { Stdio::inherit() } else { Stdio::piped() });
         let output = command.output().context("cannot start cargo")?;
@@ -291,7 +292,7 @@ impl Tree {
     fn tests(&self, binary: &Path, judge: &Judge, limit: Duration) -> Result<(End, usize)> {
         let mut command = Command::new(binary);
         match judge {
-            // The module `statistics` is a part of `experiments`: its own tests judge nothing of `kernels`.
+            // The module `statistics` is a part of `experiments`. Its tests are skipped, because they test nothing in `kernels`.
             Judge::References => command.args(["--skip", "statistics::"]).current_dir(self.sources.join("tests/references")),
             Judge::Units(folder) => command.arg(format!("{folder}::")).current_dir(self.sources.join("kernels")),
         };

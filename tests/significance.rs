@@ -1,33 +1,34 @@
-//! Tests of the statistics of bias (`experiments::significance`) on simulated runs: how often they raise a false alarm, and what they find.
+//! Tests the statistics of bias (`experiments::significance`) on simulated runs: how often they report a bias where there is none, and which biases
+//! they find.
 //!
-//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. Sizes, seeds and the number of rows are those of
-//! the recorded sweep. The standard deviation of areas ranges over a factor of 16, a third of the rows has skewed numbers, and neighbouring areas are
-//! correlated as those of the six noises.
+//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. The size of the picture, the seeds and the
+//! number of rows are those of the recorded sweep. The standard deviations of areas range over a factor of 16, and a third of the rows has numbers
+//! with a skewed distribution. Neighbouring areas are correlated as in pictures with the six noises.
 
 use experiments::significance::{Areas, Mean, POWER, detectable, limit, sidak};
 use experiments::stability::statistics::Random;
 use rayon::prelude::*;
 
-/// Areas across and down.
+/// Number of areas across and down.
 const GRID: [usize; 2] = [30, 17];
 const SEEDS: usize = 4;
-/// Six noises, three views, near and far cliff.
+/// Number of rows of a run: six noises x three views x two flavours (near cliff and far cliff).
 const ROWS: u64 = 36;
-/// Share of a neighbouring area's number that is added to the number of an area, for each noise: hashed, hashed anisotropically, white, world cells,
-/// interleaved gradients, blue. Pictures of ground and cliffs were simulated with these noises. The variance of their mean was 0.95 to 1.24 times the sum
-/// of the areas' variances (world cells near the camera have the largest ratio), and 0.5 to 0.75 times for gradients and blue noise.
+/// Share of the number of a neighbouring area that is added to the number of an area. The noises are, in this order: `hashed`, `hashed-anisotropic`,
+/// `white`, `world`, `ign`, `blue`. The shares imitate simulated pictures of ground and cliffs. There, the variance of the picture's sum was 0.95 to
+/// 1.24 times the sum of the areas' variances. The ratio was largest for `world` cells near the camera, and only 0.5 to 0.75 for `ign` and `blue`.
 const NEIGHBOURS: [f64; 6] = [1.0 / 64.0, 1.0 / 128.0, 0.0, 1.0 / 16.0, -1.0 / 12.0, -1.0 / 16.0];
 
 /// The sums of a row: a list of areas for each seed.
 type Sums = [Vec<f64>; SEEDS];
 
-/// Number of numbers in an area: three channels. The last row of areas is 14 pixels high.
+/// Number of values in an area: three channels of each pixel. The last row of areas is only 14 pixels high.
 fn numbers(at: usize) -> f64 {
     if at / GRID[0] + 1 == GRID[1] { 48.0 * 14.0 } else { 48.0 * 16.0 }
 }
 
-/// Standard deviation of the sum of each area; equal in squares of 3 x 3 areas. Of 256 pixels with a standard deviation of 0.05 and equal channels, the
-/// sum has 2.4.
+/// Standard deviation of the sum of each area, equal in squares of 3 x 3 areas. It is 0.6 to 9.6. A sum over 256 pixels with a standard deviation of
+/// 0.05 and three equal channels has the standard deviation 2.4.
 fn deviations() -> Vec<f64> {
     let mut random = Random(7);
     let squares: Vec<f64> = (0..60).map(|_| 2.4 * (4.0 * random.unit() - 2.0).exp2()).collect();
@@ -40,7 +41,8 @@ fn sound(run: u64, row: u64, deviations: &[f64]) -> Sums {
     let mut own: Sums = std::array::from_fn(|_| Vec::with_capacity(deviations.len()));
     for deviation in deviations {
         for sums in &mut own {
-            // The number of bits that are set in a random word is almost normal. In the conjunction of three words it is skewed.
+            // The number of bits that are set in a random word has an almost normal distribution. In the bitwise AND of three random words, its
+            // distribution is skewed.
             let number = if row % 3 == 2 {
                 (f64::from((random.word() & random.word() & random.word()).count_ones()) - 8.0) / 7f64.sqrt()
             } else {
@@ -57,7 +59,7 @@ fn sound(run: u64, row: u64, deviations: &[f64]) -> Sums {
     })
 }
 
-/// Returns the statistics of the sums of several seeds, after adding a bias, which may depend on the area.
+/// Adds a bias to the sums of several seeds and returns their statistics. The bias may depend on the area.
 fn planted(sums: &[Vec<f64>], bias: impl Fn(usize) -> f64) -> Areas {
     let mut areas = Areas::new(GRID.map(|n| n as u32));
     for sums in sums {
@@ -66,7 +68,7 @@ fn planted(sums: &[Vec<f64>], bias: impl Fn(usize) -> f64) -> Areas {
     areas
 }
 
-/// Whether a mean, after adding a number of standard errors, differs from 0.
+/// Whether a mean differs significantly from 0 after it was shifted. `shift` returns the shift in standard errors for a number of degrees of freedom.
 fn is_off(mean: &Mean, shift: impl Fn(f64) -> f64, level: f64) -> bool {
     let (error, freedom) = (mean.standard_error.expect("four seeds"), mean.freedom.expect("numbers that vary"));
     (mean.value + shift(freedom) * error).abs() > limit(level, freedom) * error
@@ -74,12 +76,12 @@ fn is_off(mean: &Mean, shift: impl Fn(f64) -> f64, level: f64) -> bool {
 
 #[test]
 fn a_thousand_sound_runs_raise_one_false_alarm_at_most() {
-    // Null hypothesis: no row has a bias. Each run has 36 rows with two tests each, which share a level of 0.001 (Sidak correction). So about one of 1000
-    // runs may find something.
+    // Null hypothesis: no row has a bias. Each run has 36 rows with two tests each, which share a level of 0.001 (Sidak correction). So about one of
+    // 1000 runs may report a bias.
     let level = sidak(2 * ROWS as usize);
     let deviations = deviations();
-    /// What a run finds: whether any test fails at its level, at 0.1 % without the correction, and how many rows fail at 5 % by their mean and by their
-    /// probability.
+    /// What the tests find in a run, or the sums over several runs. `any`: 1 if a test fails at the corrected level. `uncorrected`: 1 if a test fails
+    /// at the level 0.1 %. `means` and `probabilities`: the numbers of rows whose test of the mean, or of the pattern of biases, fails at 5 %.
     #[derive(Clone, Copy, Default)]
     struct Found {
         any: u32,
@@ -108,9 +110,10 @@ fn a_thousand_sound_runs_raise_one_false_alarm_at_most() {
     };
     let all = (0..1000).into_par_iter().map(of_run).reduce(Found::default, sum);
     assert!(all.any <= 1, "{} of 1000 runs raise a false alarm", all.any);
-    // Negative control: without the correction, about 50 of 1000 runs raise one.
+    // Negative control: without the correction, about 50 of 1000 runs report a bias.
     assert!(all.uncorrected > 20, "{} of 1000 runs", all.uncorrected);
-    // The single tests are neither idle nor too strict. The means are tested with the largest of three standard errors, so they fail less often than 5 %.
+    // At a level of 5 %, each test alone must fail in nearly 5 % of the rows. The test of means uses the largest of three standard errors, so it
+    // fails in fewer rows.
     let share = |count: u32| f64::from(count) / (1000.0 * ROWS as f64);
     assert!((0.03..0.045).contains(&share(all.means)), "{}", share(all.means));
     assert!((0.035..0.055).contains(&share(all.probabilities)), "{}", share(all.probabilities));
@@ -125,9 +128,10 @@ fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
     let count = rows.len() as f64;
     let share = |bias: f64| rows.iter().filter(|sums| is_off(&planted(&sums[..], |_| bias).mean(), |_| 0.0, level)).count() as f64 / count;
     assert!(share(0.01) >= 0.99 && share(-0.01) >= 0.99, "{} and {}", share(0.01), share(-0.01));
-    // A tenth of that is found, too. A hundredth is much less than a standard error, and is not found.
+    // A bias of a tenth of one percent is found, too. A bias of a hundredth of one percent is much smaller than a standard error, and is not found.
     assert!(share(0.001) >= 0.98 && share(1e-4) < 0.05, "{} and {}", share(0.001), share(1e-4));
-    // What a report calls detectable is found with the stated probability. At the limit itself, half is found.
+    // If a mean is shifted by the bias that a report calls detectable, it is found with the stated probability. If it is shifted only to the limit of
+    // the test, it is found in half of the rows.
     let shifted = |shift: fn(f64, f64) -> f64| {
         let found = |sums: &&Sums| is_off(&planted(&sums[..], |_| 0.0).mean(), |freedom| shift(level, freedom), level);
         rows.iter().filter(found).count() as f64 / count
@@ -140,7 +144,7 @@ fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
 fn biases_that_cancel_over_the_picture_are_found_with_two_seeds() {
     let level = sidak(2 * ROWS as usize);
     let deviations = deviations();
-    // One percent, with signs like the squares of a chessboard of 2 x 2 areas.
+    // A bias of one percent whose sign alternates like the colours of a chessboard. Each square of the chessboard is 2 x 2 areas.
     let chessboard = |at: usize| if (at % GRID[0] / 2 + at / GRID[0] / 2).is_multiple_of(2) { 0.01 } else { -0.01 };
     for row in 0..6 {
         let sums = sound(0, row, &deviations);

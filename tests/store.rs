@@ -160,8 +160,8 @@ enum Seen {
     Same,
     /// The run is reported as incomplete, and every number that was read is also in the undamaged run.
     Part,
-    /// The run was accepted, but its numbers differ from those of the undamaged run, or it was read as complete although parts are missing (or the
-    /// reverse).
+    /// The run was accepted, but its numbers differ from those of the undamaged run; or it was read as complete although parts are missing; or it was
+    /// read as incomplete although no part is missing.
     Different,
 }
 
@@ -261,7 +261,7 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     /// Checks that a message is one line that names one of the files. If the file is a manifest, the message may name the run's folder instead,
-    /// because a folder without a manifest holds no run, and a folder with the manifest of another run holds that other run.
+    /// because the reader then finds no run or a different run in this folder.
     fn is_told(&mut self, what: &str, names: &[&str], message: &str) {
         let folder = self.run.display().to_string();
         let is_named = |name: &&str| {
@@ -390,7 +390,8 @@ fn a_damaged_file_of_an_interrupted_run_is_refused_or_done_again() {
     assert!(bench.refused > 250 && bench.accepted > 150, "{} refused, {} accepted", bench.refused, bench.accepted);
 }
 
-/// Replaces the schema in the manifest of a run by that of the version before, as if that version had made the run. Its manifests had no checksum.
+/// Replaces the schema in the manifest of a run by that of the previous version, as if the previous version had made the run. Manifests of that
+/// version had no checksum, so the checksum is removed.
 fn make_old(run: &Path) {
     let file = run.join("manifest.json");
     let mut manifest: serde_json::Map<String, serde_json::Value> =
@@ -427,7 +428,7 @@ fn a_run_of_an_earlier_schema_is_refused_in_one_line_with_the_remedy() {
     assert_eq!(replaced.progress().0, 0, "nothing of it is kept");
 }
 
-/// Other programs read the tables, too. They must read the schema of this version, and say so if a table has another one.
+/// The notebook and the script that records results read the tables, too. Both must name the schema of this version.
 #[test]
 fn the_notebook_and_its_recorder_read_this_schema() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

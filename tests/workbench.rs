@@ -255,7 +255,7 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
     let seen = RefCell::new(BTreeSet::new());
     take(&mut stage, "key Space");
     let from = stage.model().clock.frame;
-    // As in a window, which no script controls.
+    // Time runs without a limit, as in a window that no script controls.
     stage.model().clock.left = None;
     let look = |model: &Model| {
         seen.borrow_mut().extend(model.shown().map(|shown| shown.wish.frame));
@@ -583,7 +583,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
-    // B stands still, so the change of A - B is the change of A.
+    // B does not change from frame to frame, so the change of A - B is the change of A.
     take(&mut stage, "key Period; key Period");
     let [moving, standing] = last(&mut stage).sides.map(|side| side.expect("terrain"));
     let residual = moving.residual.expect("B is drawn");

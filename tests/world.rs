@@ -317,14 +317,15 @@ fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
             if drawn == at {
                 continue;
             }
-            // Vertices that are drawn at one place have one height, which is never filtered. A wall would stand between unequal heights.
+            // Several vertices may be drawn at the same place. They must have the same height, because vertices with different heights would draw a
+            // vertical wall. So their heights are not filtered.
             assert_eq!(height, world.quantise(world.height_m(drawn[0], drawn[1])), "LOD {lod}, {at:?}");
             beyond += 1;
         }
         assert!(beyond > 1000, "LOD {lod}: {beyond} vertices");
         let rgba = blocks::decode(BlockFormat::Bc1, &payload.albedo, TEXTURE_SIDE, TEXTURE_SIDE);
         assert!(rgba.chunks_exact(4).all(|texel| texel[3] == 255), "LOD {lod}: the end of the data is no hole");
-        // Only quads with an area have normals, and their cones contain the normals of the triangles as they are drawn.
+        // Triangles without an area have no normal. All other drawn triangles of a patch must have their normals in the cone of the patch.
         let cones = cones::decode(&payload.cones);
         let mut flat = 0;
         for (i, j) in (0..128).flat_map(|j| (0..128).map(move |i| (i, j))) {

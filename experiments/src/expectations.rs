@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(of("rmse", "variant = 'splat'", None, [0.0, 9.0]).value, 8.0);
         assert_eq!(of("rmse", "variant = 'splat'\nframe = 0", None, [0.0, 9.0]).value, 100.0);
         assert_eq!(of("added", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);
-        // The lit picture counts only if it is asked for.
+        // Rows of the lit picture are used only if they are selected explicitly.
         let (splat, lit) = ("variant = 'splat'\nlag = 1", "variant = 'splat'\nlag = 1\nsignal = 'lit'");
         assert_eq!(of("added", splat, None, [0.0, 1.0]).value, 0.125);
         assert_eq!(of("added", lit, None, [0.0, 1.0]).value, 0.375);
@@ -232,7 +232,7 @@ mod tests {
             assert!(!verdict.met && verdict.value.is_nan() && verdict.why.contains("1 of 1 rows"), "{metric}: {verdict}");
             assert!(verdict.why.contains("unstable") && verdict.why.contains("times_budget_s"), "{verdict}");
         }
-        // One unstable row spoils a mean.
+        // One unstable row makes the mean unusable.
         let verdict = verdict(&expectation("gpu_ms:shading", "", Some("variant = 'auto'"), all));
         assert!(!verdict.met && verdict.why.contains("1 of 3 rows"), "{verdict}");
     }

@@ -1,17 +1,18 @@
-//! Times that repeat: which pictures are drawn in which order, for how long, and what their times say.
+//! Measures times repeatably: decides in which order pictures are drawn and how many rounds are measured, and estimates times and ratios with
+//! intervals.
 //!
 //! Several *candidates* are compared, for example the variants of a definition. A *round* draws every candidate once, in an order that is shuffled
 //! anew for each round. The order is a function of a seed and the number of the round. So a slow drift of the machine affects all candidates equally,
 //! and no candidate always follows the same neighbour. The first round is not timed. It warms up pipelines, pages and caches.
 //!
-//! Two times of the same round make a ratio. The estimate of a ratio is the median over the rounds. It does not move far if another process slows
-//! down single pictures, even if that happens more often to one candidate than to another. The 95 % interval of the median lies between two order
-//! statistics of the ratios. It assumes that the rounds are independent, and nothing about how the ratios are distributed. (The Hodges-Lehmann
-//! estimate needs half as many rounds if ratios are distributed symmetrically. But a longer picture is disturbed more often than a shorter one, and
-//! then its interval misses the true ratio too often.)
+//! Two times of the same round give a ratio. The estimate of a ratio is the median over the rounds. It changes little if another process slows down
+//! single pictures, even if this happens more often to one candidate than to another. The 95 % interval of the median lies between two order
+//! statistics of the ratios. It requires that the rounds are independent, and makes no assumption about the distribution of the ratios. (The
+//! Hodges-Lehmann estimate needs half as many rounds if the distribution of the ratios is symmetric. But a longer picture is disturbed more often
+//! than a shorter one. The distribution is then not symmetric, and the Hodges-Lehmann interval contains the true ratio too seldom.)
 //!
-//! Rounds are added until the intervals are narrow enough or a budget of time is spent. Times never repeat exactly, so the clock may decide about
-//! them. It is an argument, so that tests control it.
+//! Rounds are added until the intervals are narrow enough or a budget of time is spent. The number of rounds therefore depends on the clock. This is
+//! acceptable, because times never repeat exactly. The clock is an argument of [`measure`], so that tests can control it.
 //!
 //! Source of the interval: David & Nagaraja, *Order Statistics*, 3rd edition (2003), section 7.1.
 
@@ -27,11 +28,11 @@ pub(crate) const STABLE: f64 = 0.05;
 /// Smallest number of rounds for which a 95 % interval of a median exists. The smallest and the largest of five values enclose the median with a
 /// probability of only 93.75 %.
 pub(crate) const LEAST: u32 = 6;
-/// Limit of the number of rounds. It only matters if the rounds are very short or the clock stands still.
+/// Limit of the number of rounds. It has an effect only if the rounds are very short or the clock does not advance.
 const MOST: u32 = 1000;
-/// Probability with which a median lies below its interval, and with which it lies above.
+/// Largest accepted probability that the true median lies below the interval. The same limit applies above the interval.
 const TAIL: f64 = 0.025;
-/// Distinguishes the random numbers of the order from others that have the same seed.
+/// Salt of the hash that shuffles the candidates. It makes the order independent of other random numbers that have the same seed.
 const SALT: u32 = 0x0074_5d0e;
 /// Number of steps into which the progress is divided.
 const STEPS: u64 = 1000;
@@ -41,8 +42,8 @@ const STEPS: u64 = 1000;
 pub(crate) struct Estimate {
     /// The median over the rounds. If their number is even, it is the geometric mean of the two middle values.
     pub(crate) value: f64,
-    /// Half-width of the 95 % interval, relative to the value; infinite = there are fewer than [`LEAST`] rounds. The interval of a ratio is not
-    /// symmetric. Its longer side counts, on a logarithmic scale.
+    /// Half-width of the 95 % interval, relative to the value; infinite = there are fewer than [`LEAST`] rounds. The interval is not symmetric. With
+    /// the limits `low` and `high`, the half-width is the larger of `high / value` and `value / low`, minus 1.
     pub(crate) half_width: f64,
 }
 
@@ -57,29 +58,30 @@ impl Estimate {
         Some(Estimate { value, half_width: rank(count).map_or(f64::INFINITY, side) })
     }
 
-    /// Returns the standard error that gives an interval of ± [`NORMAL_95`] standard errors the half-width of this interval; `None` = there is no
-    /// interval.
+    /// Returns a standard error in the unit of the value. An interval of ± [`NORMAL_95`] such standard errors has this half-width. `None` = there is
+    /// no interval.
     pub(crate) fn standard_error(&self) -> Option<f64> {
         self.half_width.is_finite().then_some(self.value * self.half_width / NORMAL_95)
     }
 
-    /// Whether the interval is narrow enough for fronts, verdicts and sentences.
+    /// Whether the interval is narrow enough for the value to be used in Pareto fronts, verdicts and sentences of the report.
     pub(crate) fn is_stable(&self) -> bool {
         is_stable(self.value, self.standard_error())
     }
 }
 
-/// Whether a time or a ratio of times may take part in fronts, verdicts and sentences: the half-width of its 95 % interval is at most [`STABLE`] of its
-/// value. Without a standard error, it may not.
+/// Whether a time or a ratio of times may be used in Pareto fronts, verdicts and sentences: the half-width of its 95 % interval is at most [`STABLE`]
+/// of its value. A value without a standard error may not be used.
 pub(crate) fn is_stable(value: f64, standard_error: Option<f64>) -> bool {
-    // Rounding must not make a time unstable for which `measure` stopped. A value of NaN is not stable.
+    // The factor 1 + 1e-9 allows for rounding: a time must be stable if `measure` stopped because its half-width is exactly `STABLE`. A value of NaN
+    // is not stable.
     standard_error.is_some_and(|error| NORMAL_95 * error <= STABLE * value * (1.0 + 1e-9))
 }
 
 /// Returns the rank r for which the r-th smallest and the r-th largest of `count` values enclose the median with a probability of at least 95 %: the
 /// largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most [`MOST`].
 fn rank(count: usize) -> Option<usize> {
-    // The probability of no head in 1000 throws is 1e-301, which is still a normal number.
+    // The probability of no head in 1000 throws is 1e-301. This is a normal f64 number, so the recurrence below starts with full precision.
     let mut probability = (0..count).fold(1.0f64, |p, _| 0.5 * p);
     let mut below = 0.0;
     let mut rank = 0;
@@ -94,7 +96,7 @@ fn rank(count: usize) -> Option<usize> {
     (rank > 0).then_some(rank)
 }
 
-/// A candidate, and the name of a pass.
+/// Identifies a time: the index of a candidate, and the name of a pass.
 pub(crate) type Key<'a> = (usize, &'a str);
 
 /// The times of all candidates and passes: for each round that was timed, milliseconds above 0.
@@ -102,7 +104,7 @@ pub(crate) type Key<'a> = (usize, &'a str);
 pub(crate) struct Samples(BTreeMap<(usize, String), BTreeMap<u32, f64>>);
 
 impl Samples {
-    /// Adds a time of a round. A time that is not above 0 or not finite says nothing, and is left out.
+    /// Adds a time of a round. A time that is not above 0, or not finite, is not a valid measurement and is left out.
     fn add(&mut self, round: u32, timed: Timed) {
         if timed.ms > 0.0 && timed.ms.is_finite() {
             self.0.entry((timed.candidate, timed.pass)).or_default().insert(round, timed.ms);
@@ -118,12 +120,12 @@ impl Samples {
         self.0.keys().map(|(candidate, pass)| (*candidate, pass.as_str()))
     }
 
-    /// Returns the time in milliseconds; `None` if it was not measured.
+    /// Returns the estimated time of a pass, milliseconds; `None` if it was not measured.
     pub(crate) fn time(&self, key: Key<'_>) -> Option<Estimate> {
         Estimate::of(self.get(key)?.values().copied().collect())
     }
 
-    /// Returns the ratio of two times. Only rounds that have both count. `None` if there is no such round.
+    /// Returns the ratio of two times, computed from the rounds in which both were measured. `None` if there is no such round.
     pub(crate) fn ratio(&self, of: Key<'_>, over: Key<'_>) -> Option<Estimate> {
         let (of, over) = (self.get(of)?, self.get(over)?);
         Estimate::of(of.iter().filter_map(|(round, ms)| Some(ms / over.get(round)?)).collect())
@@ -138,12 +140,12 @@ impl Samples {
     }
 }
 
-/// A number whose interval must become narrow.
+/// A time or a ratio of times whose interval must become narrow before the measurement ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wanted<'a> {
-    /// The time.
+    /// The time, or the numerator of the ratio.
     pub(crate) of: Key<'a>,
-    /// The time by which it is divided; `None` = the time itself is wanted.
+    /// The denominator of the ratio; `None` = the time itself is meant.
     pub(crate) over: Option<Key<'a>>,
 }
 
@@ -289,16 +291,17 @@ mod tests {
         (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (TAU * random.unit()).cos()
     }
 
-    /// How the times of pictures scatter. A neighbour is another process, which makes a picture take three times as long.
+    /// How the times of pictures scatter. A neighbour is another process on the machine. While it is busy, a picture takes three times as long.
     #[derive(Clone, Copy, Debug)]
     enum Scatter {
         /// Log-normal, with a standard deviation of 3 %.
         Normal,
         /// Heavy tails: the logarithm has Student's distribution with 2 degrees of freedom, and a scale of 3 %.
         Heavy,
-        /// 2 %, and a neighbour in 15 % of the pictures, independently.
+        /// Log-normal with 2 %, and a neighbour that is busy in 15 % of the pictures, independently for each picture.
         Neighbour,
-        /// 2 %, and a neighbour that comes and goes: before each picture, it changes its state with a probability of 10 %.
+        /// Log-normal with 2 %, and a neighbour that is busy for several pictures: before each picture, it changes its state with a probability of 10
+        /// %.
         Bursts,
     }
 
@@ -347,12 +350,12 @@ mod tests {
         // The median of an even number of values is a geometric mean, so a ratio and its reciprocal give reciprocal estimates.
         let even = Estimate::of(vec![1.0, 4.0, 1.0, 4.0, 1.0, 4.0]).expect("values");
         assert!((even.value - 2.0).abs() < 1e-15 && (even.half_width - 1.0).abs() < 1e-15);
-        // With nine values, the interval reaches from the second to the eighth: here from 0.96 to 1.02.
+        // With nine values, the interval extends from the second to the eighth value: here from 0.96 to 1.02.
         let nine = Estimate::of(vec![0.5, 0.96, 0.99, 1.0, 1.0, 1.01, 1.01, 1.02, 9.0]).expect("values");
         assert!(nine.value == 1.0 && (nine.half_width - (1.0 / 0.96 - 1.0)).abs() < 1e-15 && nine.is_stable());
         let error = nine.standard_error().expect("an interval");
         assert!((NORMAL_95 * error / nine.value - nine.half_width).abs() < 1e-15);
-        // The limit itself is stable, and the least bit above it is not.
+        // A half-width exactly at the limit is stable. A slightly larger half-width is not.
         let at = |half_width: f64| Estimate { value: 3.7, half_width }.is_stable();
         assert!(at(STABLE) && !at(STABLE * 1.000_001) && !is_stable(1.0, None) && !is_stable(f64::NAN, Some(0.0)));
     }
@@ -413,7 +416,7 @@ mod tests {
         let (samples, turns) = simulate(3, 1e-3, 1, &mut restless);
         assert_eq!(turns.len(), 3 * (1 + LEAST as usize));
         assert!(ratio(&samples, 1).half_width.is_finite());
-        // If the clock stands still, the number of rounds is limited.
+        // If the clock does not advance, the number of rounds is limited.
         let (count, wanted) = (Cell::new(0), [Wanted { of: (0, PASS), over: None }]);
         let plan = Plan { candidates: 1, wanted: &wanted, least: LEAST, budget_s: 60.0, seed: 1 };
         let stopped = measure(&plan, &|| f64::NAN, &|_, _| {}, &mut |turn| {
@@ -435,8 +438,9 @@ mod tests {
 
     #[test]
     fn intervals_contain_the_true_ratio() {
-        // H0: with each scatter, the interval of a ratio that was measured until it was stable contains the true ratio with a probability of at least
-        // 95 %. Family of 4 tests, level 0.001, Sidak. Each of 600 measurements gives one ratio; the other one only delays the end.
+        // H0: for each scatter, the interval of a ratio contains the true ratio with a probability of at least 95 %, if rounds are added until the
+        // interval is narrow enough. Family of 4 tests, level 0.001, Sidak. Each of 600 measurements gives one result: the interval of candidate 1.
+        // Candidate 2 only delays the end of a measurement.
         const REPEATS: u64 = 600;
         let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 4.0);
         for scatter in SCATTERS {
@@ -475,7 +479,7 @@ mod tests {
             let (quiet, disturbed) = (measured(1.0), measured(10.0));
             let [before, after] = [&quiet, &disturbed].map(|samples| ratio(samples, 1));
             assert!((after.value / before.value - 1.0).abs() < 0.02 && after.is_stable(), "seed {seed}: {before:?}, {after:?}");
-            // Negative control: the mean moves far.
+            // Negative control: the mean increases by more than 30 %.
             assert!(mean(&disturbed) > 1.3 * mean(&quiet), "seed {seed}");
         }
     }
@@ -549,7 +553,7 @@ mod tests {
 
     #[test]
     fn times_that_say_nothing_are_left_out() {
-        // Candidate 1 has a time in every second round only. The others are 0, below 0, infinite or NaN, in turn.
+        // Candidate 1 has a valid time in every second round only. In the other rounds, its time is 0, negative, infinite or NaN, in turn.
         let nothing = [0.0, -1.0, f64::INFINITY, f64::NAN];
         let is_lost = |turn: Turn| turn.candidate == 1 && turn.round % 2 == 1;
         let (samples, turns) = simulate(2, ENOUGH_S, 1, &mut |turn| match is_lost(turn) {
@@ -558,7 +562,7 @@ mod tests {
         });
         assert_eq!(turns.len(), 2 * (1 + 2 * LEAST as usize), "six rounds in which both have a time");
         assert_eq!(ratio(&samples, 1), Estimate { value: 2.0, half_width: 0.0 });
-        // If there is none at all, the budget ends the work, and there is no estimate.
+        // If a candidate has no valid time at all, the measurement ends when the budget is spent, and there is no estimate.
         let (samples, turns) = simulate(2, 40.0, 1, &mut |turn| if turn.candidate == 1 { 0.0 } else { 1.0 });
         assert!(turns.len() == 2 * (1 + 20) && samples.time((1, PASS)).is_none() && samples.ratio((1, PASS), (0, PASS)).is_none());
     }

@@ -10,9 +10,9 @@
 use kernels::shared::hash;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-/// The level of all tests of a family together: the probability that any of them finds something although there is nothing to find.
+/// The level of all tests of a family together: the probability that at least one of them reports a difference although there is none.
 pub const LEVEL: f64 = 0.001;
-/// The probability with which a deviation of the size [`detectable`] is found.
+/// The probability with which a test finds a deviation that is as large as the result of [`detectable`].
 pub const POWER: f64 = 0.99;
 /// The smallest probability that [`Areas::probability`] returns.
 pub const SMALLEST_PROBABILITY: f64 = 1.0 / (DRAWS as f64 + 1.0);
@@ -21,11 +21,11 @@ pub const SMALLEST_PROBABILITY: f64 = 1.0 / (DRAWS as f64 + 1.0);
 const GRIDS: usize = 3;
 /// A grid of larger areas is used only if the numbers vary in at least this many of its areas. With fewer areas, its standard error is too uncertain.
 const LEAST_AREAS: usize = 30;
-/// Number of sums of each area whose signs are drawn at random. If there are more seeds, several seeds share a sum.
+/// Number of sums per area whose signs are drawn at random. If there are more seeds than this, several seeds share a sum.
 const GROUPS: usize = 8;
 /// Largest number of draws of random signs.
 const DRAWS: u32 = 1 << 18;
-/// The drawing ends when this many draws were at least as large as the measured number.
+/// Random signs are drawn until this many draws give a mean square that is at least as large as the measured one.
 const ENOUGH: u32 = 10;
 /// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and each
 /// word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
@@ -35,8 +35,8 @@ const SIGNS: u32 = 0x5167_0005;
 /// Student's t distribution with more degrees of freedom than this differs from the normal distribution by less than 1e-5.
 const MOST_FREEDOM: f64 = 1e6;
 
-/// Returns the level that each of `tests` tests must have so that all tests together have the level [`LEVEL`] (Šidák). This holds for independent
-/// tests, and for two-sided tests of correlated normal numbers the level of all together is smaller.
+/// Returns the level that each of `tests` tests must have so that all tests together have the level [`LEVEL`] (Šidák). The result is exact for
+/// independent tests. For two-sided tests of correlated normal numbers, the level of all tests together is smaller than [`LEVEL`].
 pub fn sidak(tests: usize) -> f64 {
     sidak_at(LEVEL, tests)
 }
@@ -47,7 +47,7 @@ pub fn sidak_at(level: f64, tests: usize) -> f64 {
     -((-level).ln_1p() / tests.max(1) as f64).exp_m1()
 }
 
-/// Returns the number of standard errors that a mean may be away from its expected value, if the test has the given level and two sides. `freedom` is
+/// Returns the limit of a two-sided test at `level`: the number of standard errors by which a mean may differ from its expected value. `freedom` is
 /// the number of degrees of freedom of the standard error. The result is infinite if `freedom` is NaN or less than 1.
 pub fn limit(level: f64, freedom: f64) -> f64 {
     if !(1.0..=f64::INFINITY).contains(&freedom) {
@@ -79,7 +79,7 @@ pub struct Mean {
 /// Statistics of one area over the seeds so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Area {
-    /// Number of numbers in the sum of one seed. It is the same for all seeds.
+    /// Number of values in the sum of one seed. It is the same for all seeds.
     numbers: f64,
     /// Mean of the sums of the seeds.
     mean: f64,
@@ -102,7 +102,7 @@ impl Area {
     }
 }
 
-/// Statistics of the areas of a picture over seeds. Their size depends on the number of areas and not on the number of seeds.
+/// Statistics of the areas of a picture over seeds. The required memory depends on the number of areas and not on the number of seeds.
 #[derive(Clone, Debug)]
 pub struct Areas {
     /// Number of areas in a row of the finest grid.
@@ -147,9 +147,9 @@ impl Areas {
         }
     }
 
-    /// Returns the mean over all numbers and seeds. Its variance is the sum of the variances of the areas. If noise correlates neighbouring areas, this
-    /// sum is larger for larger areas. So the standard error is the largest of those from areas of the given size and of two and four times its width,
-    /// as far as there are enough of them.
+    /// Returns the mean over all numbers and seeds. Its variance is the sum of the variances of the areas. If noise correlates neighbouring areas,
+    /// this sum is larger for larger areas. The standard error is therefore computed from areas of the given size, of twice its width and of four
+    /// times its width, and the largest result is returned. A grid in which too few areas vary (`LEAST_AREAS`) is not used.
     pub fn mean(&self) -> Mean {
         let [finest, larger @ ..] = &self.grids;
         let numbers = finest.iter().map(|area| area.numbers).sum::<f64>().max(1.0);
@@ -179,9 +179,9 @@ impl Areas {
         [sum / seeds, sum * sum * (seeds - 1.0) / squares]
     }
 
-    /// Returns an unbiased estimate of the mean square of the areas' means, each weighted by the square of its number of numbers. It does not cancel
-    /// over the picture, as the mean does, and may be negative. The standard error is that for areas whose expected mean is 0. `None` for fewer than
-    /// two seeds, or if there are no numbers.
+    /// Returns an unbiased estimate of the mean square of the areas' means. Each area is weighted by the square of its number of values. Biases of
+    /// opposite signs cancel in the mean, but not in this estimate. The estimate may be negative. Its standard error is valid if the expected mean of
+    /// each area is 0. `None` for fewer than two seeds, or if there are no numbers.
     pub fn mean_square(&self) -> Option<Mean> {
         let seeds = f64::from(self.seeds);
         let [finest, ..] = &self.grids;
@@ -202,15 +202,17 @@ impl Areas {
     /// than two seeds, or if a number is not finite.
     ///
     /// The signs of the areas' sums are drawn at random, for each area and each seed (for more than 8 seeds: for each of 8 sums of seeds). This null
-    /// distribution is exact if the sums are independent and symmetric about 0. If they are not symmetric, its mean and variance are still right, because
-    /// a mean square is a sum of products of different seeds. The draws have a fixed seed. They end when enough of them are as large as the measured
-    /// number (Besag and Clifford 1991), so a large probability costs few draws. A probability below [`SMALLEST_PROBABILITY`] cannot be told from it.
+    /// distribution is exact if the sums are independent and symmetric about 0. If they are not symmetric, its mean and variance are still right,
+    /// because a mean square is a sum of products of different seeds. The draws have a fixed seed. They end when enough of them are as large as the
+    /// measured number (Besag and Clifford 1991), so a large probability costs few draws. Probabilities below [`SMALLEST_PROBABILITY`] cannot be
+    /// distinguished from it.
     pub fn probability(&self) -> Option<f64> {
         let groups = GROUPS.min(self.seeds as usize);
         if groups < 2 {
             return None;
         }
-        // The sign of the first group is fixed, because the square does not depend on the sign of the whole sum.
+        // The sign of the first group is fixed, because the square does not depend on the sign of the whole sum. A pattern therefore has `groups - 1`
+        // bits. They are taken from the highest bits of a byte, so the byte is shifted to the right by 8 - (groups - 1).
         let patterns = 1 << (groups - 1);
         let shift = 9 - groups;
         let squares: Vec<f64> = self
@@ -258,7 +260,8 @@ fn merged(sums: &[[f64; 2]], columns: usize, areas: usize) -> Vec<[f64; 2]> {
     merged
 }
 
-/// Returns the sum of numbers whose signs are reversed where `pattern` has a bit. The lowest bit belongs to the second number.
+/// Returns the sum of numbers whose signs are reversed where `pattern` has a bit. The first number keeps its sign, so the lowest bit belongs to the
+/// second number.
 fn signed_sum(sums: &[f64], pattern: usize) -> f64 {
     sums.iter().enumerate().map(|(i, sum)| if ((pattern << 1) >> i) & 1 == 1 { -sum } else { *sum }).sum()
 }
@@ -316,13 +319,13 @@ mod tests {
         let two = areas([2, 1], &[vec![1.0, 2.0], vec![2.0, 5.0], vec![3.0, 8.0]]);
         let Mean { value, standard_error, freedom } = two.mean();
         assert!(near(value, 7.0 / 2.0) && near(standard_error.expect("three seeds"), (10.0f64 / 3.0).sqrt() / 2.0));
-        // (1 + 9)² / ((1 + 81) / 2)
+        // Degrees of freedom: (1 + 9)² / ((1 + 81) / 2).
         assert!(near(freedom.expect("numbers that vary"), 100.0 / 41.0), "{freedom:?}");
-        // 2² - 1/3 and 5² - 9/3, over 1 + 1; the variance is 2 (1 + 81) / (3 x 2).
+        // Mean square: (2² - 1/3 + 5² - 9/3) / (1 + 1). The variance of its numerator is 2 (1 + 81) / (3 x 2).
         let square = two.mean_square().expect("three seeds");
         assert!(near(square.value, (4.0 - 1.0 / 3.0 + 25.0 - 3.0) / 2.0), "{square:?}");
         assert!(near(square.standard_error.expect("three seeds"), (82.0f64 / 3.0).sqrt() / 2.0), "{square:?}");
-        // An area with three times as many numbers counts accordingly.
+        // An area with three times as many numbers has three times the weight in the mean, and nine times the weight in the mean square.
         let mut weighted = Areas::new([2, 1]);
         [[1.0, 6.0], [3.0, 6.0]].into_iter().for_each(|[a, b]| weighted.add([[a, 1.0], [b, 3.0]].into_iter()));
         assert!(near(weighted.mean().value, (2.0 + 6.0) / 4.0));
@@ -345,15 +348,16 @@ mod tests {
         // NaN is not hidden.
         let broken = areas([3, 2], &[vec![1.0; 6], vec![1.0, f64::NAN, 1.0, 1.0, 1.0, 1.0], vec![1.0; 6]]);
         assert!(broken.mean().value.is_nan() && broken.mean().freedom.is_none() && broken.probability().is_none());
-        // No seed at all, and sums of more areas than there are.
+        // No seed at all, and more sums than areas.
         assert_eq!(Areas::new([3, 2]).mean(), Mean { value: 0.0, standard_error: None, freedom: None });
         assert_eq!(areas([1, 1], &[vec![1.0, 7.0]]).mean().value, 1.0);
     }
 
     #[test]
     fn larger_areas_count_where_they_vary_more() {
-        // 16 x 8 areas are 8 x 4 of twice the width, and 4 x 2 of four times the width, which are too few to be used. The numbers of two by two areas are
-        // equal. Two by two equal areas have 16 times the variance of one, and there are a quarter as many, so the variance of the mean is 4 times larger.
+        // The finest grid has 16 x 8 areas, the next 8 x 4, and the last 4 x 2, which are too few to be used. Each block of 2 x 2 areas has equal
+        // numbers. The sum of a block has 16 times the variance of one of its areas, and there are a quarter as many blocks as areas. With blocks,
+        // the variance of the mean is therefore 4 times larger, and its standard error 2 times.
         let seeds = |cell: usize| -> Vec<Vec<f64>> {
             let number = |at: usize, seed: usize| f64::from(hash::pcg((at % 16 / cell + at / 16 / cell * 16 + 1000 * seed) as u32) % 1000);
             (0..4).map(|seed| (0..128).map(|at| number(at, seed)).collect()).collect()
@@ -380,7 +384,8 @@ mod tests {
 
     #[test]
     fn probabilities_are_shares_of_sign_patterns() {
-        // Three areas and three seeds have 4³ sign patterns that differ. Count those whose sum of squares is at least the measured one.
+        // Three areas and three seeds have 4³ distinct sign patterns, because the sign of the first seed is fixed in each area. Count those whose sum
+        // of squares is at least the measured one.
         let seeds = [vec![1.0, -2.0, 0.5], vec![2.0, 1.0, -0.25], vec![0.5, -3.0, 1.0]];
         let squares = |at: usize, pattern: usize| signed_sum(&[seeds[0][at], seeds[1][at], seeds[2][at]], pattern).powi(2);
         let total = |patterns: usize| (0..3).map(|at| squares(at, patterns >> (2 * at) & 3)).sum::<f64>();
@@ -398,7 +403,7 @@ mod tests {
             assert_eq!((opposite.mean().value, opposite.probability()), (0.0, Some(SMALLEST_PROBABILITY)), "{count} seeds");
             assert!(opposite.mean_square().is_some_and(|square| near(square.value, 1.0)), "{count} seeds");
         }
-        // Signs that alternate over seeds are the smallest sum, so every pattern is at least as large.
+        // Two seeds with opposite numbers have the smallest possible sum, which is 0, so every pattern is at least as large.
         let zero = areas([40, 1], &[vec![1.0; 40], vec![-1.0; 40]]);
         assert_eq!(zero.probability(), Some(1.0));
         // Draws do not depend on each other: 2000 sets of random numbers have probabilities that are uniform.
@@ -409,7 +414,7 @@ mod tests {
         let all: Vec<f64> = (0..2000).map(|set| areas([40, 1], &random(set)).probability().expect("four seeds")).collect();
         for level in [0.05, 0.2, 0.5] {
             let share = all.iter().filter(|p| **p <= level).count() as f64 / 2000.0;
-            // Four standard deviations of a share of 2000.
+            // The tolerance is four standard deviations of a share of 2000 samples.
             assert!((share - level).abs() < 4.0 * (level * (1.0 - level) / 2000.0).sqrt(), "{share} of probabilities are at most {level}");
         }
     }

@@ -13,8 +13,8 @@ use crate::row::Row;
 /// The work that a part of a run consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// Renders the converged reference of a view and measures how the reference sequence changes from frame to frame. The reference is written to the
-    /// run's folder, where other parts read it.
+    /// Renders the converged reference of a view and measures how the reference sequence changes from frame to frame. The reference and the pictures
+    /// of the sequence are written to the run's folder, where other parts read them.
     Reference,
     /// Measures all variants of the definition, over all frames and seeds.
     Sweep {
@@ -113,8 +113,9 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// Returns the name of a part that consists of these words. If a word does not fit into a file name as it is, or if a part in `taken` has this name
-/// already, the hash of the words follows. So different parts have different names, also where upper and lower case are the same.
+/// Returns the name of a part: the words, converted to components of a file name and joined by `-`. If the conversion changes a word, or if a part in
+/// `taken` already has this name, a hash of the words is appended. The names of different parts therefore differ, even if upper and lower case are
+/// treated as equal.
 fn id_of(words: &[&str], taken: &[Unit]) -> String {
     let id = words.iter().map(|word| file_word(word)).collect::<Vec<_>>().join("-");
     let is_plain = words.iter().all(|word| file_word(word) == *word);
@@ -134,9 +135,9 @@ fn file_word(text: &str) -> String {
 /// One of several pieces into which a run is split. Each piece can run on a different machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shard {
-    /// Number of the piece, from 1 to `count`.
+    /// Number of this piece, from 1 to `count`.
     pub number: u32,
-    /// Number of all pieces, from 1 to [`Shard::MAX`].
+    /// Number of pieces of the run, from 1 to [`Shard::MAX`].
     pub count: u32,
 }
 
@@ -173,7 +174,8 @@ pub struct Share {
 }
 
 /// Returns the parts that a shard carries out, or all parts if `shard` is `None`. Sweeps and timings are assigned to the shards in turn. The rows of
-/// references are assigned in turn as well, independently of sweeps and timings. All shards together store the rows of each part exactly once.
+/// references are assigned in turn as well, independently of sweeps and timings. A shard also renders each reference that its sweeps need, even if
+/// another shard stores the rows of this reference. All shards together store the rows of each part exactly once.
 pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
     let Some(shard) = shard else { return units.iter().cloned().map(|unit| Share { unit, kept: true }).collect() };
     let (count, own) = (shard.count as usize, shard.number as usize - 1);
@@ -221,12 +223,12 @@ mod tests {
         let (one, other) = (long("1"), long("2"));
         let all: [&[&str]; 9] = [
             &["reference", "cliff", "0.05"],
-            // Cut after 30 characters, and with characters that are replaced.
+            // Words that are cut after 30 characters, and words with characters that are replaced.
             &["reference", "cliff", one.as_str()],
             &["reference", "cliff", other.as_str()],
             &["reference", "cliff", "[1, 2]"],
             &["reference", "cliff", "(1, 2)"],
-            // The same words joined, and names that differ in case only.
+            // Different words that give the same name when they are joined, and names that differ only in upper and lower case.
             &["reference", "a", "b-c"],
             &["reference", "a-b", "c"],
             &["reference", "Cliff"],

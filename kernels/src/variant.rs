@@ -12,7 +12,7 @@ use crate::base::names::nearest;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Flavour {
-    /// Cached top-down shading from virtual-texture pages.
+    /// The blend of materials seen from above, sampled from cached pages of the virtual texture.
     VirtualTexture = 1,
     /// Albedo and normal that were baked into the data of a quadtree node.
     FarAtlas = 2,

@@ -34,13 +34,13 @@ import perceived
 
 # The display of ColorVideoVDP's `standard_fhd`, but with the pixels per degree of the run: an sRGB screen in an office.
 DISPLAY = {"Y_peak": 200, "contrast": 1000, "source_colorspace": "sRGB", "E_ambient": 250, "k_refl": 0.005}
-# The judge does not see the frames before this share of a sequence. A temporal resolve begins without a history.
+# Share of a sequence, from its beginning, that the judge does not see, because a temporal resolve has no history there.
 UNSEEN = 0.25
 
 # ---- The fit. ----
 
-# Deviations of the Gaussians, degrees, and time constants, seconds: steps of a factor of sqrt(2), so that a time constant at 30 frames per second has
-# the same share of a new frame as one at 60.
+# Deviations of the Gaussians, degrees, and time constants, seconds. Both have steps of a factor of sqrt(2). Two steps are a factor of 2, so a new
+# frame has the same share for a time constant at 30 frames per second as for half this time constant at 60.
 DEVIATIONS_DEG = [0.005 * 2 ** (k / 2) for k in range(14)]
 TIMES_S = [0.0125 * 2 ** (k / 2) for k in range(11)]
 # Where the eye looks: along the exact motion of the surface, or at one point of the screen.
@@ -59,7 +59,7 @@ def fail(text):
 
 # ---- Runs. ----
 
-# The columns that identify a sequence. The last is the seed; the others identify a group of clips.
+# The columns that identify a sequence. The last column contains the seed. The other columns identify a group of clips.
 KEY = ("view", "variant", "noise", "temporal", "setting")
 
 
@@ -216,7 +216,7 @@ def look(task):
     errors = (perceived.luma(test) - perceived.luma(truth)).reshape(count, -1)
     for fps in rates:
         result[f"model-{fps}"] = KEPT["model"].noise(errors, linked, seen, fps)
-    # Every second frame is enough for the fit.
+    # Every second of the frames `seen`, counted from the last, is enough for the fit.
     for gaze, of_gaze in gazes(linked).items():
         result[f"products-{gaze}"] = KEPT["model"].products(errors, of_gaze, seen[::-2], shares_of(rates))
     part = kept.with_name(kept.name + ".tmp.npz")
@@ -284,7 +284,7 @@ def interval(clips, noise, seed=1):
     for _ in range(BOOTSTRAPS):
         chosen = np.concatenate([groups[i] for i in random.integers(len(groups), size=len(groups))])
         found.append(spearman(noise[chosen], jods[chosen]))
-    # A sample may be of one group only.
+    # A sample that contains only one group can have no correlation (NaN). Such samples are ignored.
     return tuple(np.nanpercentile(found, [2.5, 97.5])) if np.isfinite(found).any() else (float("nan"), float("nan"))
 
 
@@ -306,7 +306,7 @@ def fit(clips, gaze, shares):
         for centre in range(len(DEVIATIONS_DEG)):
             for surround in range(centre + 1, len(DEVIATIONS_DEG)):
                 noise = with_constants(clips, gaze, shares, time, centre, surround)
-                # Two Gaussians that are both narrower than a pixel are equal.
+                # Two Gaussians that are both narrower than a pixel are equal. Their difference is 0, so these constants are left out.
                 if noise.min() > 0:
                     tried.append((spearman(noise, jods), float(np.corrcoef(np.log(noise), lost)[0, 1]), (time, centre, surround)))
     if not tried:

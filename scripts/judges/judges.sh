@@ -3,8 +3,8 @@
 # target/release/experiments, OUT a folder for runs. A call that was stopped continues when it is repeated. `scripts/judges/judges.sh --self-test` only
 # tests the scripts.
 #
-# Python's package index has no PyTorch without CUDA for Linux on x86-64, so 3 GB of unused CUDA libraries are installed as well. Where PyTorch's own
-# index can be reached, PIP_EXTRA_INDEX_URL set to its folder `cpu` avoids them.
+# Python's package index has no PyTorch without CUDA for Linux on x86-64, so 3 GB of unused CUDA libraries are installed as well. To avoid them, set
+# PIP_EXTRA_INDEX_URL to the folder `cpu` of PyTorch's own index, if the machine can reach it.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/../.." && pwd)"
 here="$root/scripts/judges"
@@ -20,7 +20,7 @@ python=("$root/.judges/bin/python" -B)
 program="$(realpath "$1")"
 mkdir -p "$2"
 out="$(cd "$2" && pwd)"
-# The second run differs in three lines: the same frames at another rate, without videos.
+# The definition of the second run differs from clips.toml in three lines: it has another name and frame rate, and no videos.
 sed -e 's/^name = "clips-60"$/name = "clips-30"/' -e 's/frames_per_second = 60/frames_per_second = 30/' -e 's/^video = true$/video = false/' \
     "$here/clips.toml" >"$out/clips-30.toml"
 [ "$(diff "$here/clips.toml" "$out/clips-30.toml" | grep -c '^>')" -eq 3 ] || fail "clips.toml no longer has the lines that clips-30 replaces"

@@ -84,20 +84,21 @@ def test_model():
     # An error that is the same everywhere does not count, even beside the sky.
     sky = (np.arange(pixels) % width) > 20 + np.arange(pixels) // width
     check("an offset is not noise", noise(np.full(pixels, 0.25), sky) < 1e-5)
-    # The same numbers as by convolution, at the borders, too.
+    # The FFT gives the same numbers as a convolution, even at the borders.
     picture = random.normal(size=pixels)
     planes = [gaussian_mean(picture.reshape(height, width), sky.reshape(height, width), d * ppd) for d in (centre, surround)]
     plain = np.sqrt(np.mean((planes[0] - planes[1]).ravel()[sky] ** 2))
     close("filtered with an FFT", noise(picture, sky) / plain, 1, 1e-4)
     white = [noise(random.normal(size=pixels), terrain) for _ in range(4)]
-    # The border has less smoothing; 160 x 120 squares, four times, of which neighbours are correlated, scatter by about 1 %.
+    # Noise is smoothed less at the border. The mean of four times 160 x 120 squares, of which neighbours are correlated, scatters by about 1 %.
     close("the norm of the filter", np.mean(white) / filters.norm(0, 1), 1, 0.05)
     levels = random.uniform(0, 255, size=(2, pixels, 3))
     apart = perceived.luma(np.round(levels)) - perceived.luma(levels)
     close("rounding of two pictures", np.std(apart[0] - apart[1]) / perceived.rounding(), 1, 0.03)
     check("rounding explains a difference", judge.beyond(0.0101, 0.01, 0.002) == 0 and judge.beyond(0.0103, 0.01, 0.001) > 0.02)
     check("rounding explains no lower number", judge.beyond(0.0097, 0.01, 0.001) < -0.02 and judge.beyond(0.01, 0.01, 0) == 0)
-    # White noise in time: a / (2 - a) of the variance is left. 60 frames are 13 time constants. The mean of 19 200 squares scatters by 1 %.
+    # For white noise in time, a share of a / (2 - a) of the variance is left, where a is the share of a new frame. 60 frames are 13 time constants,
+    # so this limit is reached. The mean of 19 200 squares scatters by 1 %.
     share = perceived.adaptation(60, 0.075)
     errors = random.normal(size=(60, pixels)).astype(np.float32)
     left = perceived.remembered(errors, still, share)[-1].std()
@@ -108,7 +109,7 @@ def test_model():
     world = random.normal(size=(height, width + 20)).astype(np.float32)
     errors = np.stack([world[:, f : f + width].ravel() for f in range(20)])
     check("an error on the surface stays", np.allclose(perceived.remembered(errors, moving, share)[-1], errors[-1], atol=1e-6))
-    # Without links, nothing is remembered. With few frames, their mean is.
+    # Without links, the memory contains only the current frame. With few frames, the memory is their mean.
     check("no link, no memory", np.array_equal(perceived.remembered(errors, np.full_like(moving, NO_LINK), share)[-1], errors[-1]))
     check("the mean of few frames", np.allclose(perceived.remembered(errors[:2], still, 0.01)[1], (errors[0] + errors[1]) / 2, atol=1e-6))
     check("the share of a frame", abs(perceived.adaptation(30, 0.1) - (1 - np.exp(-1 / 3))) < 1e-12)
@@ -233,7 +234,7 @@ def test_call(folder):
     check("a second call succeeds", call("--jobs", 1, "--out", out, fast, slow) == "" and len(kept) == 16)
     check("what was judged is kept", [file.stat().st_mtime_ns for file in kept] == times)
 
-    # Below the goal, the clips that disagree most are shown.
+    # If the rank correlation is below the goal, the record shows the clips that disagree most.
     judge.GOAL, goal = 2.0, judge.GOAL
     check("a call below the goal succeeds", call("--out", out, fast, slow) == "")
     text, pictures = (out / "README.md").read_text(), sorted(file.name for file in out.glob("*.png"))
@@ -241,7 +242,7 @@ def test_call(folder):
     check("three pictures side by side", iio.imread(out / pictures[0]).shape == (SIZE[1], 3 * SIZE[0], 3))
     judge.GOAL = goal
 
-    # Numbers of a metric that the model does not reproduce, and runs that do not belong together.
+    # The call must fail if the model does not reproduce the numbers of the metric, and if runs do not belong together.
     write_run(folder / "wrong", 30, False, "wrong", wrong=1.05)
     check("a wrong number is noticed", "differs from the metric by up to 4." in call("--out", out, fast, folder / "wrong"))
     check("no videos", "none of the runs has videos" in call("--out", out, slow))

@@ -81,7 +81,7 @@ impl Listed {
     }
 }
 
-/// Returns the range of bytes of a span; `None` if the text does not reach so far.
+/// Returns the range of bytes of a span; `None` if the span exceeds the text.
 fn range(text: &str, span: Span) -> Option<Range<usize>> {
     let [start, end] = [span.start, span.end].map(|position| offset(text, position));
     let range = start?..end?;

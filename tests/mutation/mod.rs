@@ -1,4 +1,5 @@
-//! Mutants of WGSL. A mutant is the text of a shader with one small fault. [`listed`] has the mutants of Rust, [`results`] the tables of both.
+//! Mutants of WGSL. A mutant is the text of a shader with one small fault. The module [`listed`] contains the mutants of Rust, and [`results`] the
+//! tables of results for both languages.
 //!
 //! Mutants measure the strength of tests: a mutant that passes all tests shows that its line could be wrong without any test failing. The operators
 //! are those of mutation testing (Jia and Harman 2011, *An Analysis and Survey of the Development of Mutation Testing*, table 3), adapted to WGSL:

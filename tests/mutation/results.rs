@@ -1,4 +1,5 @@
-//! The results of `make mutants` and `make mutants-rust`: one row per mutant, in a table that an interrupted call leaves ready for the next one.
+//! The results of `make mutants` and `make mutants-rust`: a table with one row per mutant. If a call is interrupted, the next call continues its
+//! table.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
@@ -9,7 +10,7 @@ use kernels::base::error::Error;
 use kernels::base::files::write_whole;
 use serde::{Deserialize, Serialize};
 
-/// What became of a mutant.
+/// The outcome of testing a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Outcome {
@@ -40,8 +41,8 @@ pub(crate) struct Row {
 pub(crate) struct Table(csv::Writer<File>);
 
 impl Table {
-    /// Opens a table, and makes it if it does not exist. Also returns the rows that it has. An interrupted call may have left an empty file, a part of
-    /// the header or a part of the last row. Such a part is removed, and its mutant is tested again.
+    /// Opens a table, and makes it if it does not exist. Also returns the rows that it has. An interrupted call may have left an empty file, a part
+    /// of the header or a part of the last row. Such a part is removed, and its mutant is tested again.
     ///
     /// # Errors
     /// If the file cannot be read or written, or if a complete row is damaged.
@@ -74,7 +75,7 @@ fn count(rows: &[Row], outcome: Outcome) -> usize {
     rows.iter().filter(|row| row.outcome == outcome).count()
 }
 
-/// The numbers of mutants that were killed by tests, killed by the time limit, survived, are equivalent, did not compile.
+/// Returns the number of mutants for each outcome: killed by tests, killed by the time limit, survived, equivalent, not compiled.
 fn counts(rows: &[Row]) -> [usize; 5] {
     [Outcome::Killed, Outcome::Hung, Outcome::Survived, Outcome::Equivalent, Outcome::NotCompiled].map(|outcome| count(rows, outcome))
 }

@@ -1,5 +1,5 @@
-//! Splits a WGSL text into tokens (WGSL specification, section 3.2). Comments and attributes are left out. The tokens of template lists have a kind
-//! of their own.
+//! Splits a WGSL text into tokens (WGSL specification, section 3.2). Comments and attributes are left out. The tokens of template lists have a
+//! separate kind, `Template`.
 
 use std::ops::Range;
 

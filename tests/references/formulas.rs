@@ -1,5 +1,6 @@
-//! Functions of `kernels::shared` in closed form, at arguments where a small fault shows: exact words, limits of ranges, and points whose result follows
-//! from the definition alone. `shared` compares with formulas over whole ranges, `properties` tests laws.
+//! Compares functions of `kernels::shared` with closed forms, at arguments where a small fault shows: exact words, limits of ranges, and points whose
+//! result follows directly from the definition. `shared.rs` compares functions with formulas over whole ranges, and `properties.rs` tests properties
+//! such as symmetries.
 
 use kernels::base::wgsl::Constant;
 use kernels::shared::blue_noise::RANKS;
@@ -97,7 +98,7 @@ fn coordinates_beyond_the_range_count_as_zero() {
     assert_eq!(snapped_projection::coordinates(far, 2), [1e30, 0.0]);
     assert_eq!(snapped_projection::coordinates(far, 0), [0.0, 0.0]);
     assert_eq!(snapped_projection::from_gradient([2e30, 0.5], 0), [0.0, 0.0, 0.5]);
-    // A plane or axis that does not exist counts as the one from above.
+    // A plane or axis with an invalid index counts as the projection from above.
     assert_eq!(snapped_projection::coordinates([1.0, 2.0, 3.0], 5), [1.0, 2.0]);
     assert_eq!(triplanar::coordinates([1.0, 2.0, 3.0], 7), [1.0, 2.0]);
 }
@@ -149,7 +150,7 @@ fn levels_and_texels_are_chosen_by_the_fraction() {
 #[test]
 fn a_term_without_weight_leaves_a_run_as_it_is() {
     let run = Run::start().add(0.25, 0.5, 8.0).add(0.5, 0.9, 8.0);
-    // The second term is the larger one, so the first is reduced to their quotient.
+    // The second term is larger than the first. So the first term is scaled by `keep`, its quotient by the second term.
     assert!((run.keep - 0.5 * (8.0 * (0.5 - 0.9_f64)).exp2()).abs() < 1e-15 && run.share == 1.0, "{run:?}");
     let after = run.add(0.0, 1.0, 8.0);
     assert_eq!([after.keep, after.share], [1.0, 0.0]);
@@ -158,11 +159,13 @@ fn a_term_without_weight_leaves_a_run_as_it_is() {
 
 // ---------------------------------------------------------------- noise
 
-/// The cell of a point, from its distance to the origin, and not from its sector. For the points of [`hashed_points`], each step is exact in f64.
+/// Returns the cell of a point from the distance to the origin of the world. (The tested functions compute it from the sector and the position in the
+/// sector.) For the points of [`hashed_points`], each step is exact in f64.
 fn cell(point: &HashedPoint<f64>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis| {
         let corner = point.sector.get(axis).map_or(0.0, |&sector| f64::from(sector) * point.sector_m);
-        // Along the elevation, a cell begins a third of its width above a multiple of the width, and has the number of the next multiple.
+        // Along the elevation, the lower border of a cell is a third of the cell's height above a multiple of this height. The number of the cell is
+        // that of the next multiple above.
         let border = if axis == 2 { noise::BORDER - 1.0 } else { 0.0 };
         ((corner + point.position[axis]) * f64::from(k[axis]).exp2() - border).floor() as i64 as u32
     })
@@ -175,7 +178,8 @@ fn units(point: &HashedPoint<f64>, k: [i32; 3], seed: u32, salt: u32) -> [f64; 4
     hash::pcg4d([x, y, z, hash::mix(seed, salt, a + 256 * b + 65_536 * c)]).map(|h| f64::from(h / 256) / 16_777_216.0)
 }
 
-/// Random points up to some 1000 km from the origin. Positions are multiples of 2^-16 m. Some footprints lie beyond the smallest or the largest scale.
+/// Random points at distances of up to about 1000 km from the origin. Positions are multiples of 2^-16 m. Some footprints are beyond the smallest or
+/// the largest scale.
 fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
     let mut random = Random(71);
     (0..3000).map(move |i| {
@@ -187,16 +191,17 @@ fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
     })
 }
 
-/// The finest scale along an axis whose coordinates reach `largest` metres: a cell then has 16 to 32 steps of f32, whose width grows with the power of
-/// two next to `largest`.
+/// Returns the finest scale along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per metre. At
+/// the finest scale, a cell is 16 or 32 steps of f32 wide, where the step is that of `largest`.
 fn finest(largest: f64) -> i32 {
     (FINEST_AT_1_M - largest.abs().log2().round() as i32).clamp(-4, 16)
 }
 
-/// The finest scale of coordinates of about 1 m: 2^-23 m times 16.
+/// The finest scale if `largest` is 1 m: a cell is 16 steps of 2^-23 m wide, which is 2^-19 m.
 const FINEST_AT_1_M: i32 = 19;
 
-/// The lower of the two scales around the scale at which a cell is `width` metres wide, and the weight of the upper one.
+/// The level of a cell `width` metres wide is log2 of cells per metre. Returns the whole number below it, which is the coarser of the two blended
+/// scales, and the weight of the finer scale.
 fn scales(width: f64, finest: i32) -> (i32, f64) {
     let level = (-width.clamp(1e-6, 1e6).log2()).clamp(-5.0, f64::from(finest));
     // The upper scale is never finer than the finest one.
@@ -221,8 +226,8 @@ fn hashed_noise_blends_the_two_cells_of_the_paper() {
         assert!(largest_difference(found.blended(), blended) < 1e-12);
         assert!(largest_difference(found.thresholds(), blended.map(|x| noise::correct(x, share))) < 1e-9);
 
-        // The anisotropic kind: the diagonal of a cell spans the pixel, and each axis has its own scale (Wyman & McGuire 2017, listing 3).
-        // An axis has at least a sixteenth of the width of the widest.
+        // The anisotropic kind: the diagonal of a cell spans the pixel, and each axis has its own scale (Wyman & McGuire 2017, listing 3). The width
+        // of a cell along an axis is at least a sixteenth of its largest width.
         let widths: [f64; 3] = std::array::from_fn(|i| 2.0_f64.sqrt() * point.hash_scale * point.ddx[i].abs().max(point.ddy[i].abs()));
         let least = widths.iter().fold(0.0, |a: f64, b| a.max(*b)) / 16.0;
         let axes: [(i32, f64); 3] = std::array::from_fn(|i| scales(widths[i].max(least), along[i]));
@@ -263,13 +268,13 @@ fn biplanar_weights_are_the_formula() {
         let mut axes = [order[0], order[1]];
         axes.sort_unstable();
         let powers = axes.map(|axis| ((n[axis].abs() - diagonal) / (1.0 - diagonal)).max(0.0).powf(k / 8.0));
-        // The largest component of a unit vector is at least 1/√3.
+        // At least one power is above 0, because the largest component of a unit vector is at least 1/√3 (`diagonal`).
         let weights = powers.map(|power| power / (powers[0] + powers[1]));
         let (found_axes, found) = biplanar::projections(scale(n, 3.0), k);
         assert_eq!(found_axes.map(|axis| axis as usize), axes, "{n:?}");
         assert!(largest_difference(found, weights) < 1e-9, "{n:?}, {k}: {found:?}, not {weights:?}");
     }
-    // With sharpness 0, only axes above the diagonal count.
+    // With sharpness 0, all axes whose component exceeds 1/√3 have equal weights, and the other axes have none.
     assert_eq!(biplanar::projections([0.9, 0.3, 0.1], 0.0), ([0, 1], [1.0, 0.0]));
     assert_eq!(biplanar::projections([0.1, 0.3, 0.9], 0.0), ([1, 2], [0.0, 1.0]));
     assert_eq!(biplanar::projections([-1.0, 1.0, 0.0], 0.0), ([0, 1], [0.5, 0.5]));
@@ -280,7 +285,7 @@ fn whole_sectors_have_the_coordinates_of_their_positions() {
     for place in [[5, -7, 3], [-11, 2, 40], [0, 1, 0]] {
         for plane in 0..6 {
             let [u, v] = snapped_projection::sectors(place, plane).map(f64::from);
-            // On a diagonal plane, the first coordinate lacks the factor 181/256.
+            // On a diagonal plane, `sectors` returns the first coordinate without the factor 181/256, so that it is a whole number.
             let factor = if plane == 3 || plane == 4 { 181.0 / 256.0 } else { 1.0 };
             assert_eq!(snapped_projection::coordinates(place.map(f64::from), plane), [u * factor, v], "{place:?} on plane {plane}");
         }
@@ -321,7 +326,7 @@ fn hexagons_are_blended_by_areas_to_the_seventh_power() {
     }
     let centre = hex_tiling::at([0; 2], [0.0; 2], 64.0, 3);
     assert_eq!((centre.ids[0], centre.weights), ([0, 0], [1.0, 0.0, 0.0]));
-    // About 2√3 hexagons per repeat of the texture, within a factor √2, and the ends of the range.
+    // The level gives about 2√3 hexagons per repeat of the texture, within a factor of √2. The last line tests the lowest and the highest level.
     for _ in 0..1000 {
         let repeats = random.between(-10.0, 12.0).exp2();
         let off = f64::from(hex_tiling::level(repeats)) - (repeats * 12.0_f64.sqrt()).log2();
@@ -357,7 +362,8 @@ fn reflection_terms_are_the_formulas() {
         let (c, alpha) = (random.unit(), random.between(brdf::MIN_ALPHA, 1.0));
         let bracket = c * c * (alpha * alpha - 1.0) + 1.0;
         let textbook = alpha * alpha / (std::f64::consts::PI * bracket * bracket);
-        // Near c = 1, the bracket of the textbook form loses up to 1 / alpha² of its digits, and enters squared.
+        // Near c = 1, two numbers in the bracket of the textbook form nearly cancel, which enlarges its relative rounding error by up to 1 / alpha².
+        // The bracket is squared in the formula.
         assert!((brdf::d_ggx(c, alpha) / textbook - 1.0).abs() < 32.0 * f64::EPSILON / (alpha * alpha), "{c} {alpha}");
         let (f0, u) = (random.unit(), random.unit());
         let [schlick, ..] = brdf::f_schlick([f0; 3], u);
@@ -382,8 +388,8 @@ fn moments_add_their_parts_and_need_two_samples() {
 
 #[test]
 fn moments_lose_nothing_that_two_parts_can_hold() {
-    // The second sample moves the mean by half of its difference from the first, and adds half of the square. In f32, the sum with the earlier value
-    // is rounded, whichever of the two is larger; both parts together are exact.
+    // The second sample changes the mean by half of its difference from the first, and the sum of squares by half of the squared difference. In f32,
+    // each of these sums is rounded. The two parts of a result together must be exact, whichever summand is larger.
     for [mean, sample] in [[1e-3_f32, 2e4], [3e5, 0.7], [-1e-3, 5.0], [4e4, -1.3], [0.1, 0.7]] {
         let squares = 3.0 * mean.abs();
         let mut moments = Moments { mean: [mean, 0.0], squares: [squares, 0.0], count: 1 };
@@ -412,7 +418,7 @@ fn moments_lose_nothing_that_two_parts_can_hold() {
 
 // ---------------------------------------------------------------- earlier cameras
 
-/// A camera that looks along y, with 10 pixels per unit of the ray.
+/// A camera that looks along y. A direction with a slope of 1 to the right or upwards is 10 pixels from the view direction.
 fn along_y() -> Past<f64> {
     Past { offset: [0.0; 3], forward: [0.0, 1.0, 0.0], x_row: [10.0, 0.0, 0.0], y_row: [0.0, 0.0, -10.0], x_shift: 0.5, y_shift: -0.25 }
 }
@@ -422,12 +428,13 @@ const NOWHERE: [f64; 3] = [-1e9, -1e9, 0.0];
 #[test]
 fn an_earlier_camera_sees_points_where_its_rays_go() {
     let past = Past { offset: [1.0, 2.0, 3.0], ..along_y() };
-    // The point is (2, 5, 4) from the earlier eye: 5 m along the view, 0.4 to the right and 0.8 up per metre.
+    // Relative to the earlier eye, the point is at (2, 5, 4): 5 m along the view direction, and per metre of this distance 0.4 m to the right and 0.8
+    // m up.
     let seen = motion::reproject([1.0, 3.0, 1.0], &past);
     assert!(largest_difference(seen, [3.5, -7.75, 5.0]) < 1e-14, "{seen:?}");
     let ray = motion::past_ray(&past, [3.5, -7.75]);
     assert!(largest_difference(ray, [0.4, 1.0, 0.8]) < 1e-15, "{ray:?}");
-    // Distances exactly at a limit, and behind the camera.
+    // A point has no pixel if its distance is exactly at a limit, or if it is behind the camera.
     let past = along_y();
     for distance in [motion::MIN_DISTANCE, motion::FAR, -1.0, 0.0, f64::NAN] {
         assert_eq!(motion::reproject([0.0, distance, 0.0], &past), NOWHERE, "{distance}");
@@ -435,7 +442,7 @@ fn an_earlier_camera_sees_points_where_its_rays_go() {
     for distance in [motion::MIN_DISTANCE * 1.01, motion::FAR * 0.99] {
         assert_eq!(motion::reproject([0.0, distance, 0.0], &past), [-0.5, 0.25, distance]);
     }
-    // A pixel more than 1e9 away from the picture.
+    // A point has no pixel if the pixel would be more than 1e9 pixels outside the picture.
     assert_eq!(motion::reproject([2e5, 1e-3, 0.0], &past), NOWHERE);
     assert_eq!(motion::past_ray(&Past { x_row: [0.0; 3], ..past }, [1.0, 1.0]), [0.0; 3]);
 }

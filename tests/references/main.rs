@@ -1,6 +1,6 @@
-//! The test binary `references`: tests that judge the Rust references, and other pure host code of `kernels`, without a device. They compare with formulas,
-//! closed forms, published values and probability distributions, and check properties. Tests that compare a shader with its reference are in the test
-//! binary `scree`.
+//! The test binary `references`: tests that judge the Rust references, and other pure host code of `kernels`, without a device. They compare with
+//! formulas, closed forms, published values and probability distributions, and check properties. Tests that compare a shader with its reference are
+//! in the test binary `scree`.
 //!
 //! `make mutants-rust` compiles this binary again for each mutant of a reference. So a test of a reference belongs here if it needs only `kernels`.
 

@@ -1,5 +1,5 @@
-//! Pure host code on the way from a camera to patches and texels: the selection and culling of nodes, settings as shaders read them, stored normals, and
-//! compressed blocks.
+//! Tests host code that determines what is drawn for a camera, without a device: the selection and culling of nodes, settings in the form in which
+//! shaders read them, stored normals, and compressed blocks.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -37,7 +37,8 @@ fn sees(view: &View, low: DVec3, high: DVec3) -> bool {
 
 // ---------------------------------------------------------------- selection
 
-/// The selection by its definition, node by node: visited nodes and drawn nodes below a node.
+/// Selects nodes recursively, as the definition says. Adds the node and all visited nodes below it to `found[0]`, and the drawn nodes to `found[1]`.
+/// `ratio`: a node is split if its distance is less than `ratio` times its edge.
 fn descend(world: &World, view: &View, ratio: f64, node: NodeId, found: &mut [BTreeSet<NodeId>; 2]) {
     let layout = world.layout();
     let edge = layout.node_m(node.lod);
@@ -68,7 +69,8 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
         (2000, 0.0, [4900.0, 4900.0, 600.0], 3.9, -0.2),
     ] {
         let view = view_of(position, yaw, pitch, fov, [height_px * 3 / 2, height_px]);
-        // A node has 128 quads. At a distance of `ratio` edges, a quad is 2.5 pixels high; the ratio has limits, and a bias of 1 halves it.
+        // A node has 128 quads per side. At a distance of `of_picture` edges of a node, a quad is 2.5 pixels high. The ratio is clamped, and an LOD
+        // bias of 1 halves it.
         let of_picture = f64::from(height_px) / (2.0 * (fov / 2.0).tan()) / (128.0 * 2.5);
         let ratio = (of_picture.clamp(0.6, 2.0) / lod_bias.exp2()).min(2.0);
         let mut calls = Vec::new();
@@ -157,10 +159,10 @@ fn a_patch_whose_stitches_reach_out_is_drawn_with_its_node() {
         patches.iter().filter(|patch| patch.patch[0] == 7).map(|patch| (patch.patch[1], patch.deltas)).collect::<Vec<_>>()
     };
     assert_eq!(of(&map, 1), (0..8).map(|row| (row, 5 << 8)).collect::<Vec<_>>());
-    // With every second vertex, the vertices of the neighbour are twice as far apart.
+    // If only every second vertex is drawn, the vertices of the neighbour are twice as far apart, so the delta is one larger.
     assert_eq!(of(&map, 2), (0..8).map(|row| (row, 6 << 8)).collect::<Vec<_>>());
     assert!(of(&quadtree::lod_map(&[node]), 1).is_empty(), "without a coarser neighbour, patches behind the camera are dropped");
-    // Vertices that are at most as far apart as the edge of a patch do not reach out.
+    // If the vertices of the neighbour are at most one patch width apart, stitching moves no vertex out of its patch.
     let near = NodeId { lod: 4, x: 2, y: 2 };
     assert!(of(&quadtree::lod_map(&[node, near]), 1).is_empty());
     assert_eq!([culling::delta(0, 5), culling::delta(3, 3), culling::delta(4, 1)], [5, 0, 0]);
@@ -223,7 +225,7 @@ fn the_colour_of_a_variant_is_the_mean_of_its_flavours() {
 
 const WEIGHTS: [f32; 3] = [1.0, 2.0, 0.5];
 
-/// The four colours of a block of BC1 in its four-colour mode, as exact fractions; `None` in the other mode.
+/// The four colours of a BC1 block in the four-colour mode, as exact fractions; `None` if the block is in the three-colour mode.
 fn palette(block: &[u8]) -> Option<[[f64; 3]; 4]> {
     let [a, b] = [0, 2].map(|at| u16::from_le_bytes([block[at], block[at + 1]]));
     let ends = [a, b].map(expanded);
@@ -253,7 +255,8 @@ fn least_error(colours: [[f64; 3]; 4], texels: &[[f64; 3]; 16]) -> f64 {
     texels.iter().map(|&texel| colours.iter().map(|&colour| distance(colour, texel)).fold(f64::MAX, f64::min)).sum()
 }
 
-/// The error of the block whose end points are the least-squares solution for the indices of `block`, rounded to 5:6:5.
+/// Solves for the end points that give the least squared error with the indices of `block`, and rounds them to 5:6:5. Returns the error of the block
+/// with these end points; `None` if the indices do not determine both end points, or if the rounded end points are equal.
 fn solved_error(block: &[u8], texels: &[[f64; 3]; 16]) -> Option<f64> {
     let shares = indices(block).map(|index| [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0][index]);
     let of = |f: &dyn Fn(f64, usize) -> f64| shares.iter().enumerate().map(|(i, &share)| f(share, i)).sum::<f64>();
@@ -305,7 +308,7 @@ fn refined_blocks_are_nearer_to_their_texels() {
         if fast != refined {
             improved += 1;
             assert!(new <= least_error(after, &colours) * (1.0 + 1e-4), "each texel has its nearest colour");
-            // A block with other end points is only taken if it is better, so the first round alone gives a bound.
+            // The encoder accepts new end points only if they reduce the error. So the error after its first round is an upper bound.
             if let Some(bound) = solved_error(&fast, &colours) {
                 solved += usize::from(new <= bound * (1.0 + 1e-4));
             }
@@ -328,7 +331,7 @@ fn blocks_at_the_border_of_a_picture_are_not_refined() {
             (0..6 * 5).flat_map(|_| [random.below(256) as u8, random.below(256) as u8, random.below(256) as u8, 255]).collect();
         let [fast, refined] =
             [Effort::Fast, Effort::Refined].map(|effort| blocks::encode(BlockFormat::Bc1, &texels, 6, 5, WEIGHTS, effort));
-        // Only the first of the four blocks is whole.
+        // Only the first of the four blocks has all its 16 texels inside the picture. Only this block may be refined.
         assert_eq!((fast.len(), &fast[8..]), (32, &refined[8..]));
     }
     assert_eq!([BlockFormat::Bc1, BlockFormat::Bc3].map(|format| format.image_bytes(6, 5)), [32, 64]);
@@ -367,7 +370,8 @@ fn alpha_blocks_exceed_by_as_little_as_one_of_the_two_modes_can() {
         let chosen = |i: usize| values[(bits >> (3 * i) & 7) as usize];
         assert!((0..16).all(|i| chosen(i) >= needed[i]), "{needed:?}: {block:?}");
         let found: u32 = (0..16).map(|i| u32::from(chosen(i) - needed[i])).sum();
-        // Eight values from the lowest to the highest needed one, or six values up to the highest below 255, and 0 and 255.
+        // A block has eight values from the lowest to the highest needed value; or it has six values from the lowest needed value to the highest
+        // needed value below 255, and in addition 0 and 255.
         let (low, high) = (needed.into_iter().min().expect("16"), needed.into_iter().max().expect("16"));
         let below = needed.into_iter().filter(|&v| v < 255).max().unwrap_or(254);
         let best = [alpha_values(high, low), alpha_values(low.min(below), below)].into_iter().filter_map(excess).min();

@@ -1,4 +1,5 @@
-//! The references of stages, on inputs whose result follows from the definition: vertices on borders, a few pixels counted by hand, cameras above a plane.
+//! Tests the references of stages with inputs whose result follows from the definition: vertices on borders, a few pixels counted by hand, cameras
+//! above a plane.
 
 use glam::{DVec2, DVec3};
 use kernels::base::colour;
@@ -29,7 +30,7 @@ fn largest_difference<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
 fn vertices_move_to_the_nearest_vertex_of_the_neighbour() {
     for delta in 0..=7 {
         for index in 0..=128_u32 {
-            // Of two vertices that are equally near, the one with the lower index.
+            // If two vertices are equally near, the vertex moves to the one with the lower index.
             let nearest = (0..=128).step_by(1 << delta).min_by_key(|&vertex: &u32| (vertex.abs_diff(index), vertex));
             assert_eq!(Some(weld(index, delta)), nearest, "vertex {index}, {delta} levels");
         }
@@ -71,7 +72,7 @@ fn the_mask_of_a_tile_has_the_flavours_of_its_terrain() {
 
 #[test]
 fn colours_are_encoded_as_the_standard_says() {
-    // IEC 61966-2-1. The two values were computed outside this project.
+    // IEC 61966-2-1. The two results for the argument 0.5, of encoding and of decoding, were computed outside this project.
     for (linear, encoded) in
         [(0.5, 0.735_356_983_052_449_5), (0.001, 0.01292), (0.0, 0.0), (1.0, 1.0), (1.5, 1.0), (-0.5, 0.0), (f64::NAN, 0.0)]
     {
@@ -110,7 +111,7 @@ fn pictures_are_mapped_by_reinhards_equation() {
         let values = tone_map(radiance.map(|c| c as f32), exposure);
         assert_eq!(codes(radiance.map(|c| c as f32), exposure), values.map(|value| (value * 255.0).round() as u8));
     }
-    // A picture without luminance is black, also where single channels are not: the sum of this colour is exactly 0.
+    // A colour whose luminance is not above 0 is displayed as black, even if a channel is above 0. The luminance of the first colour is exactly 0.
     let plain = Exposure { exposure: 0.0, tone_curve: ToneCurve::Reinhard };
     assert_eq!(tone_map([0.7152, -0.2126, 0.0], plain), [0.0; 3]);
     assert_eq!(tone_map([-1.0, 0.1, 0.1], plain), [0.0; 3]);
@@ -134,7 +135,7 @@ fn each_kind_of_light_is_its_formula() {
         let (found, highlight) = of(&surface, &even);
         let expected: [f64; 3] = std::array::from_fn(|k| surface.albedo[k] * even.zenith[k]);
         assert!(largest_difference(found, expected) < 1e-14 && highlight == [0.0; 3], "{found:?}");
-        // Light of the sun: what the surface does not reflect at once is scattered.
+        // Sunlight: the part that the surface does not reflect (1 - Fresnel) is scattered as diffuse light.
         let sun = sunny.sun_direction;
         let sum = [sun[0] + to_eye[0], sun[1] + to_eye[1], sun[2] + to_eye[2]];
         let half = scale(sum, 1.0 / length(sum));
@@ -149,7 +150,7 @@ fn each_kind_of_light_is_its_formula() {
         let (found, highlight) = of(&black, &sunny);
         let expected: [f64; 3] = std::array::from_fn(|k| 0.5 * lobe * sunny.sun_irradiance[k] * n_dot_l);
         assert!(largest_difference(highlight, expected) < 1e-13 && largest_difference(found, expected) < 1e-13, "{found:?}");
-        // The sky in the mirror.
+        // The sky as the surface reflects it, in the mirror direction of the eye.
         let mirrored = sub(scale(surface.normal, 2.0 * n_dot_v), to_eye);
         let [fit, ..] = brdf::env_approx([F0; 3], 0.6, n_dot_v);
         let (found, highlight) = of(&black, &tilted);
@@ -157,14 +158,16 @@ fn each_kind_of_light_is_its_formula() {
         assert!(largest_difference(found, expected) < 1e-14 && highlight == [0.0; 3], "{found:?}");
         assert!(largest_difference(mirrored, to_eye) > 0.1, "the mirror direction is another one");
     }
-    // The sky: linear in the sine of the elevation, never below 0. Its irradiance on level ground and on its underside.
+    // The radiance of the sky is linear in the sine of the elevation, and never below 0. Then: the irradiance of the sky on a surface that faces up,
+    // and on one that faces down.
     assert!(largest_difference(sky_radiance(&tilted, [0.6, 0.0, 0.8]), [0.36, 0.5, 0.78]) < 1e-15);
     assert_eq!(sky_radiance(&tilted, [0.0, 0.0, -4.0]).map(|c| c > 0.0), [true; 3]);
     assert_eq!(sky_radiance(&tilted, [0.0, 0.0, 2.0]).map(|c| c == 0.0), [true, true, false]);
     let level = scale([1.0 - 0.8 * 2.0 / 3.0, 0.9 - 0.5 * 2.0 / 3.0, 0.7 + 0.1 * 2.0 / 3.0], pi);
     assert!(largest_difference(sky_irradiance(&tilted, [0.0, 0.0, 1.0]), level) < 1e-14);
     assert_eq!(sky_irradiance(&Light { horizon: [0.0; 3], ..tilted }, [0.0, 0.0, -1.0]), [0.0; 3]);
-    // A surface that faces away from the sun gets none of its light; the cosine to an eye behind the surface is raised to 0.001.
+    // A surface that faces away from the sun gets none of its light. If the eye is behind a surface, the cosine between normal and eye is raised to
+    // 0.001.
     let away = Surface { normal: [0.0, -0.8, -0.6], ..surface };
     assert_eq!(radiance(&Surface { occlusion: 1.0, ..away }, &sunny, [0.0, 0.0, -1.0]), ([0.0; 3], [0.0; 3]));
     let behind = Surface { normal: [0.0, 0.0, -1.0], ..black };
@@ -197,23 +200,26 @@ fn the_sums_of_eight_pixels_are_those_counted_by_hand() {
         grey(4.0625, 0, 8),
     ];
     let links = [0, 1, NO_LINK, 3, 4, 5, 6, 7];
-    // Two frames earlier, pixel 1 was at pixel 0. In quarter 1 are pixel 1 of the first row and pixel 3 of the second.
+    // Quarter 1 contains pixel 1 of the first row and pixel 3 of the second row, which have the indices 1 and 7. At lag 2, pixel 1 is linked to pixel
+    // 0, and pixel 7 has no link.
     let earlier = [grey(0.75, 0, 2); 8];
     let far = [NO_LINK, 0, 0, 0, 0, 0, 0, NO_LINK];
     let sums = without_reference(size, &now, &[(&before[..], &links[..]), (&earlier[..], &far[..])], 1);
     assert_eq!((sums.terrain, sums.fetches), (7, 31));
-    // Linked are the pixels 0, 1, 3, 5 and 7. Their differences are 0, 65/1024, 1/2, 0 and 33/16. The pixels 0, 1 and 7 chose in both frames, 1 and 7
-    // not the same.
+    // At lag 1, the pixels 0, 1, 3, 5 and 7 are linked. Their luminances differ by 0, 65/1024, 1/2, 0 and 33/16. The pixels 0, 1 and 7 made a choice
+    // in both frames. The choices of 1 and 7 differ.
     let expected =
         LagSums { terrain: 7, linked: 5, chosen: 3, flipped: 2, difference: 65.0 / 1024.0 + 0.5 + 33.0 / 16.0, ..LagSums::default() };
     assert_lag(&sums, 0, expected);
     assert_lag(&sums, 1, LagSums { terrain: 2, linked: 1, chosen: 1, flipped: 0, difference: 0.5, ..LagSums::default() });
     assert_lag(&sums, 2, LagSums::default());
-    // The history of pixel 1 is darker than all its neighbours but the one to the right below; that of pixel 7 is brighter than all.
+    // The history of pixel 1 is accepted, because its neighbour to the lower right is darker. The history of pixel 7 is rejected, because it is
+    // brighter than all pixels of the box.
     assert_eq!((sums.tested, sums.rejected), (2, 1));
-    // A little more than 2^-4, which is 10 octaves above the lowest bin, and a little more than 2^1, which is 15 octaves above it.
+    // The differences of the two tested pixels are a little above 2^-4 and 2^1. These are 10 and 15 octaves above the lowest bin, and an octave has
+    // 16 bins.
     assert_eq!(filled(&sums), [(160, 1), (240, 1)]);
-    // In quarter 0 are pixel 0 of the first row, which did not change, and pixel 2 of the second, which was sky.
+    // Quarter 0 contains pixel 0 of the first row, which did not change, and pixel 2 of the second row, which was sky in the earlier frame.
     let sums = without_reference(size, &now, &[(&before[..], &links[..])], 0);
     assert_eq!((sums.tested, sums.rejected, filled(&sums)), (1, 0, vec![(0, 1)]));
 }
@@ -226,7 +232,8 @@ fn without_reference(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u
 
 #[test]
 fn changes_are_compared_with_those_of_the_reference_sequence() {
-    // Pixel 0: dY = 1/4, dR = 1/8. Pixel 1: dY = -1/2, dR = 1/4. The reference of pixel 2 is sky, and pixel 3 has no link.
+    // dY and dR are the changes of a pixel's luminance in the stream and in the reference sequence. Pixel 0: dY = 1/4, dR = 1/8. Pixel 1: dY = -1/2,
+    // dR = 1/4. The reference of pixel 2 is sky, and pixel 3 has no link.
     let now = [grey(0.5, 1, 1), grey(0.25, 1, 1), grey(0.5, 1, 1), grey(1.0, 1, 1)];
     let before = [grey(0.25, 1, 1), grey(0.75, 1, 1), grey(0.5, 1, 1), grey(0.5, 1, 1)];
     let truth = [grey(0.375, 1, 1), grey(0.5, 1, 1), SKY, grey(0.5, 1, 1)];
@@ -240,7 +247,9 @@ fn changes_are_compared_with_those_of_the_reference_sequence() {
     for (found, expected) in sums.into_iter().zip(expected) {
         assert!((found - expected).abs() < 1e-14, "{residual:?}");
     }
-    // What an eye remembers: the errors are 1/8, -1/4 and none. The second frame has the weight 1/2, because it exceeds the adaptation of 1/4.
+    // A pixel remembers the mean of its errors and the number of frames. The new error is 1/8 for pixel 0. This is its second frame, so the error has
+    // the weight 1/2, which exceeds the adaptation of 1/4. The error is -1/4 for pixel 1, with the weight 1/4. Pixel 2 has no reference. Pixel 3 has
+    // no link, so its mean begins again.
     let memory = [[0.5, 1.0], [0.25, 9.0], [0.125, 3.0], [0.0, 0.0]];
     let remembered = metrics::reference::remember(&now, &truth, Some(&memory), &links, 0.25);
     let expected = [[0.3125, 2.0], [0.125, 10.0], [0.0, 0.0], [0.5, 1.0]];
@@ -252,7 +261,7 @@ fn changes_are_compared_with_those_of_the_reference_sequence() {
 fn assert_lag(sums: &FrameSums, lag: usize, expected: LagSums) {
     let found = sums.lags[lag];
     assert_eq!(LagSums { difference: 0.0, ..found }, LagSums { difference: 0.0, ..expected }, "lag {}", lag + 1);
-    // Luminance is a sum of three rounded weights.
+    // The tolerance covers the rounding of luminance, which is a sum of three products.
     assert!((found.difference - expected.difference).abs() < 1e-14, "lag {}: {found:?}", lag + 1);
 }
 
@@ -299,9 +308,9 @@ fn the_errors_of_three_blocks_are_those_counted_by_hand() {
     let picture: Vec<[u32; 2]> = (0..15 * 7).map(value).collect();
     let sums = metrics::reference::seed([15, 7], 5, &picture, &exact);
     assert_eq!((sums.terrain, sums.blocks), (104.0, 2.0));
-    // 25 - 1 errors of 1/4 remain in each of three channels; 50 squares of 1/16.
+    // In each of the three channels, the errors of the first block sum to 25/4, and those of the second block to -1/4. There are 50 squares of 1/16.
     assert!((sums.error - 3.0 * 24.0 / 4.0).abs() < 1e-12 && (sums.squared_error - 3.0 * 50.0 / 16.0).abs() < 1e-12, "{sums:?}");
-    // The mean error of the second block is -1/4 of 1/25.
+    // The mean error is 1/4 in the first block, and -1/4 x 1/25 = -0.01 in the second.
     let squares = 0.25 * 0.25 + 0.01 * 0.01;
     assert!((sums.block_squares - squares).abs() < 1e-14 && (sums.pixel_squares - 2.0 / 16.0).abs() < 1e-14, "{sums:?}");
     assert!((sums.clumping().expect("errors") - 25.0 * squares * 8.0).abs() < 1e-12);
@@ -314,7 +323,7 @@ fn the_errors_of_three_blocks_are_those_counted_by_hand() {
 
 // ---------------------------------------------------------------- temporal
 
-/// The colours of a picture in which pixel i is grey with this value.
+/// A grey picture with these values. A value below 0 stands for sky.
 fn greys(values: &[f32]) -> Vec<[u32; 2]> {
     values.iter().map(|&value| if value < 0.0 { SKY } else { grey(value, 1, 1) }).collect()
 }
@@ -344,14 +353,15 @@ fn flipquad_averages_the_samples_on_four_edges() {
     let frame = Frame { now: &now, before: &before, links: &links, positions: &positions, history: &[[0.0; 4]; 6] };
     let of = |kind, index| reds(&resolve(kind, size, index, &frame));
     assert_close(&of(Resolve::Off, 1), &[0.125, 0.25, 0.5, 1.0, -1.0, 2.0]);
-    // Even frames have samples on the left and right edges. The first frame has no earlier one. Beyond the picture and beside sky, a pixel is alone.
+    // In even frames, the samples are on the left and right edges of pixels. The first frame is not averaged with an earlier frame. A pixel is not
+    // averaged with a neighbour that is sky or outside the picture.
     assert_close(&of(Resolve::FlipQuad, 0), &[0.1875, 0.375, 0.5, 1.0, -1.0, 2.0]);
-    // Odd frames have samples on the top and bottom edges; the frames before them, on the left and right edges.
+    // In odd frames, the samples are on the top and bottom edges. Those of the frame before are on the left and right edges.
     let own = [(0.125 + 1.0) / 2.0, 0.25, (0.5 + 2.0) / 2.0, 1.0, -1.0, 2.0];
     let past = [4.0, 0.0, (0.5 + 0.0) / 2.0, (0.0 + 1.0) / 2.0, 0.0, (0.75 + 4.0) / 2.0];
     let mean = |i: usize| if links[i] == NO_LINK || own[i] < 0.0 { own[i] } else { (own[i] + past[i]) / 2.0 };
     assert_close(&of(Resolve::FlipQuad, 1), &(0..6).map(mean).collect::<Vec<_>>());
-    // In the next even frame, the earlier samples lie on the top and bottom edges.
+    // In the next even frame, the earlier samples are on the top and bottom edges.
     let own = [0.1875, 0.375, 0.5, 1.0, -1.0, 2.0];
     let past = [4.0, 0.0, (0.5 + 0.25) / 2.0, (0.0 + 0.75) / 2.0, 0.0, 0.75];
     let mean = |i: usize| if links[i] == NO_LINK || own[i] < 0.0 { own[i] } else { (own[i] + past[i]) / 2.0 };
@@ -362,7 +372,7 @@ fn flipquad_averages_the_samples_on_four_edges() {
 fn an_exponential_history_is_sampled_clamped_and_mixed() {
     let size = [3, 3];
     let share = f64::from(SHARE);
-    // The box of each pixel around the middle spans 0 to 1, so it clamps nothing in between.
+    // The 3 x 3 box of each pixel contains the values 0 and 1, so a history between 0 and 1 is not clamped.
     let now = greys(&[0.0, 1.0, 0.0, 1.0, 0.5, 1.0, 0.0, 1.0, 0.0]);
     let values: [f64; 9] = [0.0, 1.0, 0.0, 1.0, 0.5, 1.0, 0.0, 1.0, 0.0];
     let of_position = |position: [f32; 2], history: &[[f64; 4]], index: u32, link: u32| {
@@ -371,17 +381,19 @@ fn an_exponential_history_is_sampled_clamped_and_mixed() {
     };
     let even: Vec<[f64; 4]> = (0..9).map(|i| [f64::from(i) / 16.0; 3]).map(|[r, g, b]| [r, g, b, 1.0]).collect();
     let mixed = |past: f64| values.map(|now| past + share * (now - past));
-    // At the centre of pixel 5, and between the pixels 1, 2, 4 and 5: a quarter of the way to the right and half of the way down.
+    // The history is sampled at the centre of pixel 5. It is then sampled between the pixels 1, 2, 4 and 5, a quarter of a pixel to the right of
+    // pixel 1 and half a pixel below it.
     assert_close(&of_position([2.0, 1.0], &even, 1, 0), &mixed(5.0 / 16.0));
     assert_close(&of_position([1.25, 0.5], &even, 1, 0), &mixed((0.75 * 1.0 + 0.25 * 2.0 + 0.75 * 4.0 + 0.25 * 5.0) / 32.0));
-    // A pixel without history has no weight; outside the picture, there is no history.
+    // A pixel without a history (alpha 0) has no weight in the sample. There is no history outside the picture.
     let mut holed = even.clone();
     holed[2] = [9.0, 9.0, 9.0, 0.0];
     holed[5] = [9.0, 9.0, 9.0, 0.0];
     assert_close(&of_position([1.25, 0.5], &holed, 1, 0), &mixed((1.0 + 4.0) / 32.0));
     assert_close(&of_position([-0.25, 2.5], &even, 1, 0), &mixed(6.0 / 16.0));
     assert_close(&of_position([2.5, -0.25], &even, 1, 0), &mixed(2.0 / 16.0));
-    // A history of at most a thousandth of a pixel does not count, like no history, no link, and no earlier frame.
+    // In these cases, the history is not used: no pixel has a history; the sample is outside the picture; its weight is at most a thousandth of a
+    // pixel; there is no link; there is no earlier frame.
     let empty = [[9.0, 9.0, 9.0, 0.0]; 9];
     let mut thin = empty;
     thin[4] = [0.25, 0.25, 0.25, 1.0];
@@ -396,7 +408,7 @@ fn an_exponential_history_is_sampled_clamped_and_mixed() {
         assert_close(&of_position(position, history, index, link), &values);
     }
     assert_close(&of_position([1.0 + 0.998, 1.0], &thin, 1, 0), &mixed(0.25));
-    // The history is clamped to the box of the pixel's neighbours, not of all pixels.
+    // The history is clamped to the values of the 3 x 3 pixels around a pixel, and not to those of the whole picture.
     let steps = greys(&[0.1, 0.2, 0.3, 0.4, -1.0, 0.6, 0.7, 0.8, 0.9]);
     let f16 = |i: usize| f64::from(signal::colour(steps[i])[0]);
     for past in [2.0, 0.0] {
@@ -415,7 +427,7 @@ fn an_exponential_history_is_sampled_clamped_and_mixed() {
 
 // ---------------------------------------------------------------- motion
 
-/// What a camera above the plane z = 0 sees. `position`: of the eye, metres; `yaw`: radians; `jitter`: of the samples, pixels.
+/// Returns what a camera above the plane z = 0 sees. `position`: position of the eye, metres; `yaw`: radians; `jitter`: shift of the samples, pixels.
 fn above_ground(position: [f64; 3], yaw: f64, jitter: [f64; 2]) -> Seen {
     let pose = Pose { position: DVec3::from_array(position), yaw, pitch: -0.5, fov: 1.0 };
     let view = View::new(pose, [24, 16], jitter, 64.0, 10_240.0);
@@ -425,7 +437,8 @@ fn above_ground(position: [f64; 3], yaw: f64, jitter: [f64; 2]) -> Seen {
     Seen { view, distances, planes: vec![DVec3::Z; 24 * 16] }
 }
 
-/// Where the view shows a point of the world, pixels, by its projection matrix; `None` outside the picture.
+/// Returns the pixel coordinates at which a view shows a point of the world, computed with the projection matrix; `None` if the point is outside the
+/// picture.
 fn shown(view: &View, point: DVec3) -> Option<[f64; 2]> {
     let clip = view.clip_from_local * (view.camera + point - view.pose.position).extend(1.0);
     let size = DVec2::new(24.0, 16.0);
@@ -490,7 +503,8 @@ fn points_behind_other_surfaces_are_not_linked() {
         assert_eq!((found.pixel.is_some(), found.is_uncertain), (is_linked, is_uncertain), "{factor}: {found:?}");
         assert_eq!(found.position.is_some(), is_linked);
     }
-    // The plane of the point is edge-on, so no depth can be expected; whether the point was visible is uncertain, unless nothing was there.
+    // The earlier camera sees the plane of the point edge-on, so the expected distance is not known. So it is uncertain whether the point was
+    // visible, unless the earlier frame shows sky there.
     let mut edge_on = above_ground([3.0, -2.0, 10.0], 0.2, [0.0; 2]);
     edge_on.planes[at] = now.view.ray(12.0, 10.0).cross(DVec3::X);
     let found = link(&edge_on, &still, at);
@@ -499,7 +513,8 @@ fn points_behind_other_surfaces_are_not_linked() {
     nothing.distances[at] = 0.0;
     let found = link(&edge_on, &nothing, at);
     assert_eq!((found.pixel, found.is_uncertain), (None, false));
-    // The samples of the earlier frame lie half a pixel to the left, so every position lies next to a border. Those of the last column lie outside.
+    // The samples of the earlier frame are shifted by 0.5004 pixels. So the position of every point is within a thousandth of a pixel of a border
+    // between two pixels. The points of the last column are outside the earlier picture.
     let shifted = above_ground([3.0, -2.0, 10.0], 0.2, [-0.5004, 0.0]);
     let visible: Vec<usize> = (0..24 * 16).filter(|&at| now.distances[at] > 0.0).collect();
     assert!(visible.len() > 100);

@@ -1,5 +1,5 @@
-//! The references of terrain access, shading and the virtual texture. Filtered values are compared with sums over all texels, weighted by tents; blends
-//! with the sums of their parts.
+//! Tests the references of terrain access, shading and the virtual texture. Filtered values are compared with sums over all texels, weighted by tent
+//! functions. Blends are compared with the sums of their parts.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -22,7 +22,7 @@ use kernels::world::{NodeId, World};
 
 use crate::statistics::Random;
 
-/// The built-in world with small textures. Of its nodes, one and its parent are loaded.
+/// The built-in world with small textures. Only one node and its parent are loaded.
 struct Loaded {
     scene: &'static Scene,
     palette: &'static Palette,
@@ -35,7 +35,7 @@ fn loaded() -> &'static Loaded {
     static LOADED: OnceLock<Loaded> = OnceLock::new();
     LOADED.get_or_init(|| {
         let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
-        // Turned, tinted and steep materials, so that a fault in any of these shows.
+        // The materials are rotated, tinted and have strong bumps, so that a fault in any of these three causes a difference.
         for (number, material) in (1..).zip(&mut scene.materials) {
             material.orientation_deg = 25.0 * f64::from(number);
             material.tint = [0.5, 1.0, 1.25];
@@ -89,7 +89,7 @@ fn tent(x: f64, i: usize) -> f64 {
     (1.0 - (x - i as f64).abs()).max(0.0)
 }
 
-/// The same for a texture of `size` texels that repeats.
+/// Like [`tent`], for a texture of `size` texels that repeats.
 fn repeated_tent(x: f64, i: usize, size: usize) -> f64 {
     let x = x.rem_euclid(size as f64);
     [-1.0, 0.0, 1.0].into_iter().map(|repeat| tent(x + repeat * size as f64, i)).sum()
@@ -224,7 +224,7 @@ fn materials_are_turned_repeated_filtered_tinted_and_bent() {
         let (material, entry) = (&all.scene.materials[id], &all.palette.entries[id]);
         let (scale, plane) = (round as u32 % 3, round as u32 % 5);
         let at = DVec2::new(random.between(-9.0, 9.0), random.between(-9.0, 9.0));
-        // From less than a texel to several repeats per pixel.
+        // The step per pixel is from less than a texel to several repeats of the texture.
         let size = random.between(-10.0, 3.0).exp2() * material.tile_m;
         let steps = [0.0, 1.0].map(|turn: f64| DVec2::from_angle(turn + f64::from(round as u32)) * size * random.between(0.5, 1.0));
         let found = all.ground.material(id as u8, &Projection { plane, at, steps }, scale);
@@ -240,7 +240,8 @@ fn materials_are_turned_repeated_filtered_tinted_and_bent() {
         let [height, mask, ..] = sampled(&arrays.height[layer], false, uv, step);
         let tinted = |value: f64, tint: f64| value * (1.0 + mask * (tint - 1.0));
         let (x, y) = (2.0 * x - 1.0, 2.0 * y - 1.0);
-        // The slope of the plane with this normal, times the strength of the material. The ground falls where the normal leans.
+        // The slope of a surface with this normal, multiplied by the normal strength of the material, which is 3. The sign is negative, because the
+        // surface descends in the direction in which its normal leans.
         let factor = -3.0 / (1.0 - x * x - y * y).max(0.05 * 0.05).sqrt();
         let slope = [factor * (x * cos - y * sin), factor * (x * sin + y * cos)];
         let expected = Surface {
@@ -303,7 +304,7 @@ fn each_flavour_is_the_blend_that_its_name_says() {
         let spot = all.spot(pixel.position.truncate());
         let cell = ground.cell(&spot);
         let planes = triplanar::weights(pixel.normal.to_array(), blend.triplanar_sharpness);
-        // The sum over the three planes of a surface in a plane.
+        // Returns the sum of the surfaces of the three projections, with the tri-planar weights.
         let over_planes = |of: &dyn Fn(&Projection) -> Surface| {
             (0..3_u32).zip(planes).fold(Surface::default(), |sum, (plane, weight)| {
                 sum.plus(weight, of(&Projection::of(plane, pixel.position, pixel.steps, 0.5)))
@@ -377,7 +378,7 @@ fn a_page_has_the_level_of_its_footprint() {
     }
 }
 
-/// The texels of one density around a place, filtered by tents. The gradient is filtered as a normal.
+/// Texels that are `texel_m` metres wide, around a place, filtered by tent functions. The gradient is filtered in the form of a normal.
 fn filtered_texels(all: &Loaded, at: DVec2, texel_m: f64) -> Surface {
     let mut sum = Surface::default();
     let mut normal = DVec3::ZERO;
@@ -403,13 +404,13 @@ fn pages_are_filtered_between_texels_and_between_mips() {
     let mut random = Random(149);
     for round in 0..60 {
         let place = all.place(&mut random);
-        // Steps from half a texel of the finest level on. The coarsest texels that are filtered are 4 m wide.
+        // The steps are at least half a texel of the finest level long. The coarsest texels that are filtered are 4 m wide.
         let texels = random.between(-1.0, 7.0).exp2();
         let longer = if round % 2 == 0 { 1.0 } else { random.between(1.0, 4.0) };
         let steps = [DVec3::X * (texels / TEXELS_PER_M), DVec3::Y * (longer * texels / TEXELS_PER_M)];
         let bias: f64 = [0.0, 0.5, -1.0][round % 3];
         let found = reference::sample(&all.ground, place.extend(300.0), steps, bias).expect("inside the node");
-        // The longer step chooses the level; of the two mips of a page, the second has half the density.
+        // The longer step determines the level. A page has two mips, and the texels of the second mip are twice as wide.
         let covered = longer * texels * bias.exp2();
         let level = covered.log2().floor().clamp(0.0, f64::from(LEVELS - 1));
         let mip = (covered.log2() - level).clamp(0.0, 1.0);

@@ -1,10 +1,10 @@
 //! The application without a window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests, and
 //! machines without a display.
 //!
-//! A script controls time. How long a step waits for its picture depends on the machine, so no time passes meanwhile: neither frames, which advance
-//! only by the step `frames` and by the controls that advance by one frame, nor the time of the window, which separates changes that are undone
-//! together from those that are undone one by one. The same steps therefore show the same frame on every machine. Only the panels that show measured
-//! times differ.
+//! A script controls time. How long a step waits for its picture depends on the machine. Therefore, no time passes while a step waits. This applies
+//! to frames, which advance only by the step `frames` and by the controls that advance by one frame. It also applies to the time of the window, by
+//! which the undo history decides whether two changes are undone together. The same steps therefore show the same frame on every machine. Only the
+//! panels that show measured times differ.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -29,8 +29,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const NAP: Duration = Duration::from_millis(5);
 /// Number of drawings of the window after which a turn of the wheel has certainly taken full effect. egui spreads the turn over several drawings.
 const SPREAD: usize = 60;
-/// Number of drawings of the window before a step. Each takes a quarter of a second of the window's time. They are longer than the pause of one second
-/// that separates two changes in the undo history, so each step is undone by itself.
+/// Number of drawings of the window before a step. Each drawing takes a quarter of a second of the window's time. Together, the drawings take longer
+/// than the pause of one second that separates two changes in the undo history, so each step is undone by itself.
 const PAUSE: usize = 5;
 
 /// One step of a script.
@@ -117,8 +117,8 @@ impl Stage {
         })
     }
 
-    /// Like [`Stage::prepared`], with a drawing thread of its own. If `shaders` is given, the thread draws with the WGSL files in that folder and
-    /// reloads them when they change.
+    /// Like [`Stage::prepared`], but always starts a new drawing thread. If `shaders` is given, the thread draws with the WGSL files in that folder
+    /// and reloads them when they change.
     pub fn with_shaders(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>, prepare: impl FnOnce(&mut Workbench)) -> Stage {
         Stage::showing(size, |ctx| {
             let mut app = Workbench::new(ctx, scene, shaders);
@@ -172,7 +172,7 @@ impl Stage {
         !output.values().any(|output| output.commands.contains(&egui::ViewportCommand::CancelClose))
     }
 
-    /// Draws the window until `done` returns true. Meanwhile, the time of the window stands still. `what` names the expected event in errors.
+    /// Draws the window until `done` returns true. Meanwhile, the time of the window does not advance. `what` names the expected event in errors.
     ///
     /// # Errors
     /// The drawing thread fails, or the event does not occur in time (300 s).

@@ -63,18 +63,18 @@ struct Ratio {
     of: (&'static str, &'static str),
     /// Choice and pass of the time by which it is divided.
     over: (&'static str, &'static str),
-    /// The target of the design.
+    /// The target of the project for this ratio, as text.
     target: &'static str,
-    /// Whether it is printed in percent.
+    /// Whether the ratio is printed in percent.
     is_share: bool,
 }
 
-/// A ratio of two shading times.
+/// Returns a ratio of two shading times.
 const fn shading(name: &'static str, words: &'static str, of: &'static str, over: &'static str, target: &'static str) -> Ratio {
     Ratio { name, words, of: (of, SHADING_PASS), over: (over, SHADING_PASS), target, is_share: false }
 }
 
-/// A share of two times of automatically chosen variants.
+/// Returns a ratio of two times of the choice `auto`, which is printed in percent.
 const fn share(name: &'static str, words: &'static str, of: &'static str, over: &'static str, target: &'static str) -> Ratio {
     Ratio { name, words, of: (AUTO, of), over: (AUTO, over), target, is_share: true }
 }
@@ -101,7 +101,7 @@ impl Ratio {
     }
 }
 
-/// Returns the ratios for which `decides` holds, as numbers whose intervals must become narrow.
+/// Returns the ratios for which `decides` holds. Rounds are drawn until the intervals of these ratios are narrow.
 fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
     RATIOS.iter().filter(|ratio| decides(ratio)).filter_map(Ratio::keys).map(|[of, over]| Wanted { of, over: Some(over) }).collect()
 }
@@ -151,7 +151,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     if args.json { print_json(&Answer::of(&gpu, args, &all)) } else { print(&text(&gpu, args, &all)) }
 }
 
-/// Draws rounds, as many as the options allow.
+/// Draws rounds until the intervals of the wanted ratios are narrow, or until the time budget of the options is spent.
 fn measure(
     candidates: usize,
     wanted: &[Wanted<'_>],
@@ -182,12 +182,13 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     })
 }
 
-/// Perceived noise is measured in 4 frames, so each frame of a sequence of 16 is charged with this share of its duration.
+/// Perceived noise is measured in 4 of the 16 frames of a sequence, so this share of its duration is added to the time of each frame.
 const SHARE_SEEN: f64 = 0.25;
 
-/// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring both signals of one
-/// stream: the changes from the four previous frames, those of its error, and perceived noise. The measurement also composes the pictures; the duration
-/// of this step is subtracted. The reference sequence is the stream's own picture, because only the duration counts. A round is a frame.
+/// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring two streams, one
+/// for each signal. The measurement of a stream includes its changes from the four previous frames, the changes of its error, and its perceived
+/// noise. The call that measures also composes the pictures, so the duration of a separate composition is subtracted. The reference sequence is the
+/// stream itself, because only the durations count. A round is one frame.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let viewing = Viewing::default();

@@ -33,7 +33,8 @@ struct Table {
     rows: Vec<csv::StringRecord>,
     /// The values of the probe's input columns, row by row. Their order is that of the probe's list of columns.
     values: Vec<f64>,
-    /// Descriptions of the differences from a table in UTF-8 with commas between cells and with decimal points; empty if there are none.
+    /// Descriptions of how the table differs from the standard form, which is UTF-8 with commas between cells and decimal points; empty if it does
+    /// not differ.
     differs: Vec<String>,
 }
 

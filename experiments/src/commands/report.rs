@@ -6,7 +6,7 @@ use super::print;
 use crate::cli::ReportArgs;
 use crate::report;
 
-/// Writes the report as HTML and Markdown. Prints its verdict and the name of the HTML file.
+/// Writes the report as HTML and Markdown. Prints its verdict and the path of the HTML file.
 pub(crate) fn run(args: &ReportArgs) -> Result<()> {
     let run = report::read_run(&args.run)?;
     super::check_writable(&args.run)?;

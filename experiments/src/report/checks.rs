@@ -9,11 +9,11 @@ use crate::significance::{LEVEL, POWER, SMALLEST_PROBABILITY, detectable, limit,
 /// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
-    /// What was checked holds, as far as the stated accuracy goes.
+    /// The checked statement holds within the stated accuracy.
     Passes,
-    /// It does not hold.
+    /// The checked statement does not hold.
     Fails,
-    /// The run has too few or unusable data, so nothing can be said about some of the rows.
+    /// The run has too few or unusable data, so some of the rows cannot be judged.
     Unclear,
 }
 
@@ -35,7 +35,7 @@ pub(crate) struct GoldenRow {
     pub(crate) flavour: String,
     /// The promise: a number, a sum or a range.
     pub(crate) promised: String,
-    /// Mean number of fetches per terrain pixel, counted in the shader; NaN if the row of the run says so.
+    /// Mean number of fetches per terrain pixel, counted in the shader; NaN if the row of the run contains NaN.
     pub(crate) counted: f64,
     /// Whether the count agrees with the promise.
     pub(crate) agrees: bool,
@@ -89,13 +89,14 @@ pub(super) struct Measured {
     pub(super) name: String,
     /// The mean.
     pub(super) value: f64,
-    /// The value that it should have; NaN = not known.
+    /// The expected value of the mean; NaN = not known.
     pub(super) expected: f64,
     /// Standard error of the mean; `None` = not known.
     pub(super) standard_error: Option<f64>,
     /// Degrees of freedom of the standard error; `None` = not known.
     pub(super) freedom: Option<f64>,
-    /// Probability of deviations as large as the measured ones that cancel over the picture, if there are none; `None` = not measured.
+    /// Probability that chance alone causes deviations as large as the measured ones, in a test that also finds deviations that cancel over the
+    /// picture; `None` = not measured.
     pub(super) probability: Option<f64>,
 }
 
@@ -107,8 +108,8 @@ struct Rule {
     useful: fn(f64) -> f64,
 }
 
-/// Devices may round the values of the G-buffer to f16 towards 0. The losses of two materials and of their mean then differ by up to 2^-12 of the
-/// albedo, so a mean of up to a quarter may be off by this much.
+/// Largest bias that rounding can cause, as linear albedo. Devices may round the values of the G-buffer to f16 towards 0. The rounding errors of two
+/// materials and of their mean then differ by up to 2^-12 of the albedo, which is 2^-14 for a mean albedo of 1/4.
 pub(super) const ROUNDING: f64 = 1.0 / 16_384.0;
 
 const BIAS: Rule = Rule { slack: |_| ROUNDING, useful: |_| 0.05 };
@@ -120,11 +121,11 @@ struct Judged<'a> {
     /// The absolute deviation from the expected value.
     deviation: f64,
     standard_error: f64,
-    /// Limit of the deviation, in standard errors, beyond the slack.
+    /// Largest deviation that chance explains, in standard errors. The slack of the rule is not included.
     limit: f64,
     /// Largest deviation that is accepted.
     allowed: f64,
-    /// Smallest deviation everywhere in the picture that is found with the probability [`POWER`].
+    /// Smallest deviation that is found with the probability [`POWER`], if all pixels have this deviation.
     detectable: f64,
 }
 
@@ -170,7 +171,7 @@ impl<'a> Judged<'a> {
     }
 }
 
-/// The rows of a check, and what the tests of them have found.
+/// The rows of a check and the results of their tests.
 struct Family<'a> {
     judged: Vec<Judged<'a>>,
     /// Rows that cannot be judged, with the reasons.
@@ -200,12 +201,12 @@ impl<'a> Family<'a> {
         self.judged.iter().any(Judged::is_off)
     }
 
-    /// The row that comes closest to its limit, or exceeds it most.
+    /// Returns the row whose deviation is largest relative to the largest accepted deviation.
     fn furthest(&self) -> Option<&Judged<'a>> {
         self.judged.iter().max_by(|a, b| (a.deviation / a.allowed).total_cmp(&(b.deviation / b.allowed)))
     }
 
-    /// Says how far the furthest row is from its expected value. `what` names the deviation.
+    /// Describes how far this row is from its expected value. `what` names the deviation.
     fn largest(&self, what: &str) -> Option<String> {
         let Judged { row, deviation, standard_error, limit, .. } = self.furthest()?;
         Some(format!(
@@ -227,7 +228,8 @@ impl<'a> Family<'a> {
         (!named.is_empty()).then(|| format!("cannot tell for {}{more}", named.join(", ")))
     }
 
-    /// Returns the mark, given whether another test of these rows has found something, and whether another test could not be made.
+    /// Returns the mark of the check. `found`: whether another test of these rows has found a fault. `unclear`: whether another test was not
+    /// possible.
     fn mark(&self, found: bool, unclear: bool) -> Mark {
         match (self.is_off() || found, unclear || !self.doubts.is_empty()) {
             (true, _) => Mark::Fails,
@@ -247,8 +249,8 @@ fn following(follow: usize, why: &str) -> Option<String> {
     (follow > 0).then(|| format!("{follow} other random rows are compositions of these flavours, and {why}"))
 }
 
-/// Checks whether the biases can be explained by chance: their means over the picture, and biases that cancel over the picture. `follow` is the number
-/// of other rows that are compositions of the given rows. `None` if there are no rows.
+/// Checks whether chance explains the biases. One test is for the mean over the picture, and one for biases that cancel over the picture. `follow` is
+/// the number of other rows that are compositions of the given rows. `None` if there are no rows.
 pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check> {
     if rows.is_empty() {
         return None;
@@ -257,7 +259,7 @@ pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check
     let probabilities = || rows.iter().filter_map(|row| Some((row.probability.filter(|p| !p.is_nan())?, row.name.as_str())));
     let smallest = probabilities().min_by(|a, b| a.0.total_cmp(&b.0));
     let cancelling = probabilities().filter(|(p, _)| *p < family.level).count();
-    // With very many rows, the level of each test may be smaller than any probability that the draws can show.
+    // With very many rows, the level of each test may be smaller than the smallest probability that the random draws can give.
     let unreachable = smallest.is_some() && SMALLEST_PROBABILITY >= family.level;
     let off = family.judged.iter().filter(|judged| judged.is_off() || judged.row.probability.is_some_and(|p| p < family.level)).count();
     let mark = family.mark(cancelling > 0, unreachable);
@@ -358,17 +360,17 @@ mod tests {
 
     #[test]
     fn biases_are_held_to_chance_and_rounding() {
-        // One test has a limit of 3.29 standard errors. With the allowance for rounding of 0.61 standard errors, 3.9 are accepted.
+        // If there is only one test, its limit is 3.29 standard errors. With the allowance of 0.61 standard errors for rounding, 3.9 are accepted.
         assert_eq!(marked(&[measured("a", 3.85e-4, 1e-4)]), Some(Mark::Passes));
         let (mark, text) = bias(&[measured("a", -3.95e-4, 1e-4)], 0, SEEDS).expect("a row");
         assert!(
             mark == Mark::Fails && text.contains("1 of 1 random rows are biased") && text.contains("3.9 standard errors (a)"),
             "{text}"
         );
-        // The smallest bias that is found is (3.291 + 2.326 + 0.610) standard errors.
+        // The smallest bias that is found with this probability is 3.291 (limit) + 2.326 (power) + 0.610 (rounding) standard errors.
         assert!(text.contains("a bias of 0.0623 % of the albedo range everywhere would be found with probability 0.99"), "{text}");
         assert!(text.contains("biases that cancel over the picture were not tested") && !text.contains("compositions"), "{text}");
-        // The same bias is accepted as chance if it is the largest of 600, or if its standard error is uncertain.
+        // The same bias is accepted as chance if it is the largest of 600 biases, or if its standard error is uncertain.
         let many: Vec<Measured> = (0..600).map(|i| measured("a", if i == 7 { 3.95e-4 } else { 0.0 }, 1e-4)).collect();
         assert_eq!(marked(&many), Some(Mark::Passes));
         let uncertain = Measured { freedom: Some(3.0), ..measured("a", 3.95e-4, 1e-4) };
@@ -389,7 +391,7 @@ mod tests {
         let (mark, text) = with(2.4e-4);
         assert!(mark == Mark::Fails && text.contains("1 of 2 random rows are biased"), "{text}");
         assert_eq!(with(f64::NAN).0, Mark::Passes);
-        // With 1000 rows, no number of draws shows a probability below the level of each test.
+        // With 1000 rows, the level of each test is smaller than the smallest probability that the random draws can give.
         let many: Vec<Measured> = (0..1000).map(|i| Measured { probability: Some(0.5), ..measured(&i.to_string(), 0.0, 1e-4) }).collect();
         let (mark, text) = bias(&many, 0, SEEDS).expect("rows");
         assert!(mark == Mark::Unclear && text.contains("cannot be tested in 1000 rows"), "{text}");
@@ -405,11 +407,11 @@ mod tests {
                 "{text}"
             );
             assert!(!text.contains("would be found with probability"), "{text}");
-            // Next to a row that is judged, the result holds for that row only.
+            // If another row can be judged, the result is about that row only.
             let (mark, text) = bias(&[good.clone(), row.clone()], 0, seeds).expect("rows");
             assert!(mark == Mark::Unclear && text.starts_with("none of 1 random rows is found to be biased, of 2"), "{text}");
             assert!(text.contains(&format!("cannot tell for bad ({reason}")), "{text}");
-            // A bias of another row is found in any case.
+            // A bias of another row is found, although this row cannot be judged.
             let (mark, text) = bias(&[measured("off", 0.01, 1e-4), row], 0, seeds).expect("rows");
             assert!(
                 mark == Mark::Fails && text.contains("1 of 2 random rows are biased") && text.contains("standard errors (off)"),
@@ -438,7 +440,7 @@ mod tests {
             let row = Measured { expected: 1.0, ..measured("a", value, error) };
             variance(&[row], 2, SEEDS).expect("a prediction")
         };
-        // One test has a limit of 3.29 standard errors, and one hundredth of the prediction is accepted in addition.
+        // If there is only one test, its limit is 3.29 standard errors. In addition, 1 % of the prediction is accepted.
         assert_eq!([1.0 + 0.042, 1.0 - 0.042, 1.0 + 0.044, 1.0 - 0.044].map(|value| with(value, 0.01).0), {
             use Mark::{Fails, Passes};
             [Passes, Passes, Fails, Fails]

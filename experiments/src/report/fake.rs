@@ -25,7 +25,8 @@ fn normal(table: u32, point: u32, sample: u32, salt: u32) -> f64 {
     (-2.0 * h[0].ln()).sqrt() * (std::f64::consts::TAU * h[1]).cos()
 }
 
-/// The mean of `samples` normal numbers around `mean`, with the standard error from their scatter. `at`: table, point and salt of the random numbers.
+/// Returns the mean of `samples` normal random numbers and its standard error from their scatter. The numbers have the given mean and standard
+/// deviation. `at`: table, point and salt of the random numbers.
 pub(super) fn measured(mean: f64, deviation: f64, samples: u32, at: [u32; 3]) -> Estimate {
     let mut moments = Moments::<f64>::new();
     (0..samples).for_each(|sample| moments.add([mean + deviation * normal(at[0], at[1], sample, at[2]), 0.0]));
@@ -72,15 +73,17 @@ pub(super) fn definition(text: &str) -> Definition {
 
 pub(super) const NOISES: [&str; 6] = ["hashed", "hashed-anisotropic", "white", "interleaved-gradient", "blue", "spatio-temporal-blue"];
 
-/// The numbers of the lit picture are those of albedo times this factor. Ratios and decibels are the same.
+/// The numbers of the lit picture are those of albedo times this factor. Numbers without a unit, in decibels or in pixels are the same for both
+/// signals.
 pub(super) const LIT: f64 = 1.25;
 
-/// Returns the cell size of a noise. The formulas for flips, clumping and change in motion depend on it.
+/// Returns the cell size of a noise, in pixels. The formulas for flips, clumping and change in motion depend on it.
 fn cell(noise: &str) -> f64 {
     [1.6, 1.3, 0.2, 0.35, 0.3, 0.5][NOISES.iter().position(|n| *n == noise).unwrap_or(0)]
 }
 
-/// Degrees of freedom of the standard errors of bias and of the mean squared difference from the exact blend. Rows of other metrics do not give any.
+/// Degrees of freedom of the standard errors of bias and of the mean squared difference from the exact blend. Rows of other metrics do not give
+/// degrees of freedom.
 pub(super) const FREEDOM: f64 = 90.0;
 
 /// Collects the invented rows of a run.
@@ -94,7 +97,8 @@ impl Rows {
         Rows { rows: Vec::new(), times: Vec::new() }
     }
 
-    /// Adds a number. If the metric exists for each signal, there is a row for both, unless `base` gives one of them.
+    /// Adds a number. If the metric exists for each signal, rows for albedo and for the lit picture are added, unless `base` specifies one of the
+    /// two.
     pub(super) fn put(&mut self, base: &Row, metric: &str, unit: &str, value: f64, error: Option<f64>) {
         let known = metrics::find(metric).unwrap_or_else(|| panic!("`{metric}` is not a metric"));
         let factor = if matches!(known.unit, "1" | "dB" | "px") { 1.0 } else { LIT };

@@ -10,12 +10,12 @@ use crate::{expectations, store};
 /// Reads everything that a report needs.
 ///
 /// # Errors
-/// There is no run, one of its files is damaged, or its shards do not belong together.
+/// The folder contains no run, one of its files is damaged, or its shards do not belong together.
 pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
     of(store::read_run(folder)?)
 }
 
-/// Converts a run that was already read into the data that a report needs.
+/// Converts a run that [`store`] has read to the data of a report.
 ///
 /// # Errors
 /// The manifest cannot be written as JSON.

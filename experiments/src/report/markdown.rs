@@ -125,7 +125,7 @@ fn choices(run: &RunData, table: &Table) -> (String, usize) {
     (text, rows.len())
 }
 
-/// Escapes text for Markdown and HTML, on one line.
+/// Escapes text for Markdown and HTML, and joins its lines.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.split_whitespace().collect::<Vec<_>>().join(" ").chars() {

@@ -2,9 +2,9 @@
 //!
 //! In the reports, a *choice* is one combination of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
-//! Suggested reading order: [`summary`] (converts the rows of a run to one summary for each choice), [`numbers`] (what chance explains, and the Pareto
-//! front), [`verdict`] (the answer to the question of the run), [`columns`] (the columns of the tables), [`run`] (the HTML page), [`markdown`] (the
-//! short text for a pull request).
+//! Suggested reading order: [`summary`] (converts the rows of a run to one summary for each choice), [`numbers`] (comparisons that account for
+//! chance, and the Pareto front), [`verdict`] (the answer to the question of the run), [`columns`] (the columns of the tables), [`run`] (the HTML
+//! page), [`markdown`] (the short text for a pull request).
 
 mod checks;
 mod columns;
@@ -75,7 +75,7 @@ impl RunData {
 /// The result of writing a report.
 #[derive(Clone, Debug)]
 pub(crate) struct Written {
-    /// File name of the HTML page.
+    /// Path of the HTML page.
     pub(crate) page: PathBuf,
     /// The answer to the run's question: one sentence, and a line with details for each view.
     pub(crate) verdict: String,

@@ -1,9 +1,10 @@
-//! Formats numbers, and makes statements about them.
+//! Formats numbers, compares them by statistical tests, and computes Pareto fronts.
 
 use crate::significance::{self, limit};
 
-/// The probability with which chance alone makes a report say that something differs: that any choice of a plot is on the Pareto front, or that any
-/// value of a sentence differs from the best one. (The level of the checks is smaller: [`significance::LEVEL`].)
+/// The significance level of each plot and each sentence of a report: the probability that chance alone causes at least one wrong statement. Such a
+/// statement puts a choice of the plot on the Pareto front, or says that a value of the sentence differs from the best one. (The level of the checks
+/// is smaller: [`significance::LEVEL`].)
 pub(super) const LEVEL: f64 = 0.05;
 
 /// A measured value with its standard error.
@@ -22,16 +23,15 @@ impl Estimate {
         Estimate { value, error: 0.0, freedom: f64::INFINITY }
     }
 
-    /// Whether the value is larger than another one, and chance explains this with a probability of less than `level`, which is at most 0.5. The
-    /// probability is that of a difference at least as large as the one measured, if the true values are equal. It is that of Student's t distribution
-    /// (one-sided), with the degrees of freedom by Welch and Satterthwaite. Values without standard errors are compared as they are.
+    /// Whether this value is larger than `other` at the significance level `level`, which is at most 0.5. This is a one-sided test with Student's t
+    /// distribution and the degrees of freedom by Welch and Satterthwaite. Values without standard errors are compared directly.
     pub(super) fn is_above(self, other: Estimate, level: f64) -> bool {
         let difference = self.value - other.value;
         let error = self.error.hypot(other.error);
         if !(difference > 0.0 && error > 0.0) {
             return difference > 0.0;
         }
-        // One side of the distribution has half the probability of both.
+        // `limit` expects the level of a two-sided test, which is twice that of a one-sided test.
         difference > limit(2.0 * level, freedom_of_sum([(self.error, self.freedom), (other.error, other.freedom)])) * error
     }
 
@@ -40,7 +40,7 @@ impl Estimate {
         (self.error > 0.0).then(|| half_width(self.error, self.freedom))
     }
 
-    /// Returns the ratio of two values, with its standard error by the delta method.
+    /// Returns the ratio of this value to `other`, with its standard error by the delta method.
     pub(super) fn ratio(self, other: Estimate) -> Estimate {
         let value = self.value / other.value;
         let relative = |estimate: Estimate| (estimate.error / estimate.value).abs();
@@ -57,7 +57,8 @@ impl Estimate {
 fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     let variance: f64 = terms.iter().map(|(error, _)| error * error).sum();
     let doubt: f64 = terms.iter().map(|(error, freedom)| error.powi(4) / freedom).sum();
-    // The result is never smaller than the smaller of the two. Rounding must not make it so, because there is no interval below 1.
+    // Without rounding, the result would never be smaller than the smaller number of degrees of freedom. Rounding could make it smaller than 1, where
+    // `limit` is infinite.
     let [(_, one), (_, other)] = terms;
     if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
 }
@@ -73,10 +74,10 @@ pub(super) fn level_of_each(count: usize) -> f64 {
     significance::sidak_at(LEVEL, count)
 }
 
-/// Returns the level for each comparison of a ranking: of the best of `values` values with another one, if the numbers themselves say which is best. Any
-/// two of the values may become the best and the one that it is compared with, and either of them may be the smaller one. So each pair of values has one
-/// two-sided test, of which [`Estimate::is_above`] is one side. `metrics`: the number of rankings of which a sentence takes the first that tells
-/// something.
+/// Returns the level of [`Estimate::is_above`] for each comparison of a ranking. A ranking compares the best of `values` values with each of the
+/// others. The data decide which value is the best, so any two values may be compared, in either direction. Each pair of values therefore counts as
+/// one two-sided test, of which [`Estimate::is_above`] is one side. `metrics`: the number of metrics by which a sentence may rank. The sentence uses
+/// the first metric that shows a difference.
 pub(super) fn level_of_ranking(values: usize, metrics: usize) -> f64 {
     level_of_each(values * values.saturating_sub(1) / 2 * metrics) / 2.0
 }
@@ -132,8 +133,8 @@ pub(super) struct Place {
 pub(super) struct Front {
     /// Indices of the points on the front, by increasing cost.
     pub(super) points: Vec<usize>,
-    /// For each point on the front, the points that are not on the front but that nothing distinguishes from it: chance explains why they are dearer,
-    /// or why their error is larger.
+    /// For each point on the front, the points beside the front that are as good within chance: chance explains both their higher cost and their
+    /// larger error. A point that is as good as several points on the front is listed for the one whose error is closest to its error.
     pub(super) alike: Vec<Vec<usize>>,
 }
 
@@ -149,17 +150,16 @@ impl Front {
     }
 }
 
-/// Returns the Pareto front, with its intervals taken into account. A point is on the front if chance does not explain its advantage over any other
-/// point of the front:
+/// Returns the Pareto front. Differences that chance explains do not count as advantages:
 ///
 /// 1. Points are taken by increasing cost, and points of equal cost by increasing error. A point joins the front if its error is smaller than that of
 ///    every point that joined before it ([`Estimate::is_above`]).
-/// 2. A point leaves the front if a dearer point of the front, whose error is therefore smaller, is not really dearer: chance explains the difference
-///    in cost.
+/// 2. A point leaves the front if chance explains the higher cost of a point that joined later. The later point has the smaller error, so it is
+///    better.
 ///
-/// Each point is one decision in the first step. If costs have standard errors, it is a second one in the second step. The level of each decision
-/// follows from their number, so that chance alone puts any further point on the front with a probability of at most [`LEVEL`]. Points whose cost or
-/// error is not finite are left out.
+/// The first step makes one decision for each point but the cheapest one. If costs have standard errors, the second step makes the same number of
+/// decisions. The level of each decision follows from the total number, so that chance alone puts any further point on the front with a probability
+/// of at most [`LEVEL`]. Points whose cost or error is not finite are left out.
 pub(super) fn pareto_front(points: &[Place]) -> Front {
     let finite = |i: &usize| points[*i].cost.value.is_finite() && points[*i].error.value.is_finite();
     let mut order: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -193,9 +193,9 @@ pub(super) fn pareto_front(points: &[Place]) -> Front {
     Front { points: front, alike }
 }
 
-/// Compares two times as a statement about speed, such as "4.20 ± 0.10 times as fast as". `time` belongs to the subject of the sentence, and `other` to
-/// the choice with which it is compared. The interval is that of independent times; it is too wide if both times are ratios to a third one. If it
-/// contains 1, the run cannot tell which is faster. `None` if a time is missing.
+/// Compares two times as a statement about speed, such as "4.20 ± 0.10 times as fast as". `time` belongs to the subject of the sentence, and `other`
+/// to the choice with which it is compared. The interval assumes that the times are independent. It is too wide if both times are ratios to the same
+/// third time. If it contains 1, the statement is "as fast within chance". `None` if a time is missing.
 pub(super) fn speed(time: Estimate, other: Estimate) -> Option<String> {
     if !(time.value > 0.0 && other.value > 0.0 && (other.value / time.value).is_finite()) {
         return None;
@@ -251,7 +251,7 @@ mod tests {
         for (freedom, factor) in [(1.0, 12.706), (2.0, 4.303), (14.0, 2.145), (f64::INFINITY, 1.960)] {
             assert!((half_width(1.0, freedom) - factor).abs() < 1e-3, "{freedom}: {}", half_width(1.0, freedom));
         }
-        // Two equal standard errors of n degrees of freedom have 2 n; if one is 0, it does not count.
+        // If both terms have the same standard error with n degrees of freedom, the sum has 2 n. A term whose standard error is 0 does not count.
         assert!((freedom_of_sum([(0.3, 7.0), (0.3, 7.0)]) - 14.0).abs() < 1e-9);
         assert!((freedom_of_sum([(0.3, 7.0), (0.0, 2.0)]) - 7.0).abs() < 1e-9);
         assert!(freedom_of_sum([(0.0, 7.0), (0.0, 2.0)]).is_infinite());
@@ -260,10 +260,12 @@ mod tests {
     #[test]
     fn a_difference_is_told_if_chance_does_not_explain_it() {
         let estimate = |value: f64, error: f64, freedom: f64| Estimate { value, error, freedom };
-        // The standard error of the difference is 0.05. With 14 degrees of freedom, the one-sided limit of 5 % is 1.761 standard errors: 0.088.
+        // The standard error of the difference is 0.05. If both standard errors are certain, the one-sided limit at 5 % is 1.645 standard errors:
+        // 0.0822.
         let base = estimate(1.0, 0.03, f64::INFINITY);
         let with = |difference: f64, freedom: f64| estimate(1.0 + difference, 0.04, freedom).is_above(base, 0.05);
-        // The other standard error is certain, so the degrees of freedom are 14 x (0.05 / 0.04)^4 = 34.2, and the limit is 1.691.
+        // If only the standard error of `base` is certain, the degrees of freedom are 14 x (0.05 / 0.04)^4 = 34.2, and the limit is 1.691 standard
+        // errors: 0.0846.
         assert_eq!([with(0.0840, 14.0), with(0.0850, 14.0)], [false, true]);
         assert_eq!([with(0.0820, f64::INFINITY), with(0.0830, f64::INFINITY)], [false, true]);
         assert!(!with(-1.0, 14.0), "it is smaller");
@@ -273,7 +275,7 @@ mod tests {
                 && !Estimate::exact(1.0).is_above(Estimate::exact(1.0), 0.5)
         );
         assert!(!Estimate::exact(f64::NAN).is_above(base, 0.5) && !base.is_above(Estimate::exact(f64::NAN), 0.5));
-        // Šidák: 10 statements of this level each have 5 % together.
+        // Šidák's correction: 10 statements with this level each have a level of 5 % together.
         assert!((1.0 - (1.0 - level_of_each(10)).powi(10) - LEVEL).abs() < 1e-12);
         // Five values of a ranking have 10 pairs, each with two sides. Three metrics have 30 pairs.
         assert!((2.0 * level_of_ranking(5, 1) - level_of_each(10)).abs() < 1e-15);
@@ -300,7 +302,7 @@ mod tests {
     fn front_keeps_what_nothing_dominates() {
         let points = [at(8.0, 1.0), at(2.0, 5.0), at(4.0, 3.0), at(f64::NAN, 0.0), at(4.0, 3.0), at(1.0, f64::INFINITY)];
         let front = pareto_front(&points);
-        // The second of two equal points is as good as the first.
+        // Points 2 and 4 are equal. Point 2 is on the front, and point 4 is as good.
         assert_eq!((front.points.as_slice(), front.alike.as_slice()), (&[1, 2, 0][..], &[vec![], vec![4], vec![]][..]));
         assert!(front.contains(2) && !front.contains(4) && front.is_alike(4) && !front.is_alike(2));
         // Negative controls: a point that is dominated in both coordinates, and points that are equal in one coordinate and dominated in the other.
@@ -322,7 +324,8 @@ mod tests {
         let points = [point(1.0, 1.0), point(2.0, 0.97), point(3.0, 0.94), point(4.0, 0.935), point(5.0, 2.0)];
         let front = pareto_front(&points);
         assert_eq!((front.points.as_slice(), front.alike.as_slice()), (&[0, 2][..], &[vec![], vec![1]][..]));
-        // With a standard error that is a tenth of this, each of the first three errors is distinguishably smaller than the one before.
+        // If the standard errors are a tenth of these, the errors of the second, third and fourth point are each smaller than the error before by
+        // more than chance explains.
         let sharp = points.map(|p| Place { error: Estimate { error: 0.001, ..p.error }, ..p });
         assert_eq!(pareto_front(&sharp).points, [0, 1, 2, 3]);
     }
@@ -332,15 +335,15 @@ mod tests {
         (0..TABLES).map(|seed| u32::from(holds(&pareto_front(&table(seed))))).sum()
     }
 
-    /// Null hypothesis: noise alone puts a wrong point on the front in at most 5 % of all tables. Each of 5 counts of 1000 tables is held to the level
-    /// 1 - (1 - 0.001)^(1/5), so the family has the level 0.001 (Šidák). A binomial count of 1000 tables with a probability of 5 % exceeds 76 with a
-    /// smaller probability than this level.
+    /// Null hypothesis: noise alone puts a wrong point on the front in at most 5 % of all tables. There are 5 counts of 1000 tables. Each is tested
+    /// at the level 1 - (1 - 0.001)^(1/5), so the family has the level 0.001 (Šidák). A binomial count of 1000 tables with a probability of 5 %
+    /// exceeds 76 with a smaller probability than this level.
     const MOST: u32 = 76;
 
     #[test]
     fn noise_alone_seldom_puts_a_point_on_the_front() {
         let fetches = |point: u32| Estimate::exact(f64::from(point + 1));
-        // 12 choices with the same true error, each measured in 15 frames: only the cheapest belongs on the front.
+        // All choices have the same true error, so only the cheapest belongs on the front.
         let alike = |points: u32, samples: u32| {
             move |seed: u32| -> Vec<Place> {
                 (0..points).map(|point| Place { cost: fetches(point), error: measured(1.0, 0.1, samples, [seed, point, 1]) }).collect()
@@ -351,13 +354,14 @@ mod tests {
             let wrong = count(alike(points, samples), several);
             assert!(wrong <= MOST, "{wrong} of {TABLES} tables of {points} choices");
         }
-        // Negative control: without their standard errors, the errors of 12 equal choices are in descending order at some place in 11 of 12 tables.
+        // Negative control without standard errors: the front has one point only if the cheapest of the 12 choices has the smallest error by chance.
+        // This is so in 1 of 12 tables.
         let blind = |seed: u32| -> Vec<Place> {
             alike(12, 15)(seed).into_iter().map(|p| Place { error: Estimate::exact(p.error.value), ..p }).collect()
         };
         assert!(count(blind, several) > 850, "the simulation has no noise");
-        // The first choice is worse than the others, but so little that it is told from them in about half of the tables. At most one of the others
-        // belongs on the front.
+        // The error of the first choice is larger than that of the others by so little that only about half of the tables show the difference. The
+        // others have the same true error, so at most one of them belongs on the front.
         let two = |seed: u32| -> Vec<Place> {
             let error = |point: u32| measured(if point == 0 { 1.06 } else { 1.0 }, 0.1, 15, [seed, point, 2]);
             (0..12).map(|point| Place { cost: fetches(point), error: error(point) }).collect()
@@ -380,8 +384,8 @@ mod tests {
     #[test]
     fn a_real_difference_is_on_the_front() {
         // The error of choice 7 is smaller by 7 standard errors of a difference, which are 0.1 sqrt(2/15) each. For 11 decisions with 28 degrees of
-        // freedom, the limit is 2.79 standard errors, so the difference exceeds it by more than 4. At least 990 of 1000 tables must have the choice on
-        // the front; with a difference of 5 standard errors, 98 % have it.
+        // freedom, the limit is 2.79 standard errors, so the difference exceeds the limit by more than 4 standard errors. At least 990 of 1000 tables
+        // must have the choice on the front. With a difference of 5 standard errors, 98 % would have it.
         let gap = 7.0 * 0.1 * (2.0f64 / 15.0).sqrt();
         let table = |seed: u32| -> Vec<Place> {
             let error = |point: u32| measured(if point == 7 { 1.0 - gap } else { 1.0 }, 0.1, 15, [seed, point, 4]);
@@ -389,7 +393,7 @@ mod tests {
         };
         let found = count(table, |front| front.contains(7));
         assert!(found >= 990, "{found} of {TABLES}");
-        // Six choices, each twice as dear as the one before: no time is mistaken for another one.
+        // Each of six choices costs twice as much as the one before. Chance explains none of these differences, so all six choices are on the front.
         let timed = |seed: u32| -> Vec<Place> {
             let cost = |point: u32| measured(f64::from(10u32 << point), 0.3, 3, [seed, point, 5]);
             (0..6).map(|point| Place { cost: cost(point), error: Estimate::exact(2.0 - 0.1 * f64::from(point)) }).collect()

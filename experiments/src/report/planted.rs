@@ -33,7 +33,7 @@ struct Fault {
     passes: f64,
     /// A size of the fault at which the check does not pass. If the check has a threshold, the size is just beyond it.
     fails: f64,
-    /// The result of the check at this size.
+    /// The result of the check at the size `fails`.
     mark: Mark,
     plant: Plant,
 }
@@ -76,12 +76,13 @@ fn faults() -> Vec<Fault> {
     let mut add = |check: &'static str, what: &str, [passes, fails]: [f64; 2], mark: Mark, plant: Plant| {
         all.push(Fault { check, what: what.to_owned(), passes, fails, mark, plant });
     };
-    // The expected range is 2 to 4. Both ends pass, and the next numbers beyond them fail.
+    // The expected range is 2 to 4. Both ends pass, and the next f64 numbers beyond them fail.
     let clumping = |run: &mut RunData, value: f64| row(run, "clumping", "auto").value = value;
     add("expectations", "a value above its range", [4.0, 4.0f64.next_up()], Fails, Box::new(clumping));
     add("expectations", "a value below its range", [2.0, 2.0f64.next_down()], Fails, Box::new(clumping));
     add("expectations", "a value of NaN", [3.0, f64::NAN], Fails, Box::new(clumping));
-    // The smallest RMSE is 0.001. The standard error of the reference may be at most a tenth of it: 0.0001 passes, the next larger number fails.
+    // The smallest RMSE is 0.001. The standard error of the reference may be at most a tenth of it: 0.0001 passes, and the next larger f64 number
+    // fails.
     let tenth: f64 = 0.1 * 0.001;
     let reference = |run: &mut RunData, error: f64| {
         row(run, "rmse", "auto").value = 0.001;
@@ -89,7 +90,7 @@ fn faults() -> Vec<Fault> {
     };
     add("references", "a standard error of the reference", [tenth, tenth.next_up()], Fails, Box::new(reference));
     add("references", "an unknown standard error", [tenth, f64::NAN], Fails, Box::new(reference));
-    // Counts may differ from the promise by 0.01. For near cliff, 12.01 and 11.99 pass, and the next numbers beyond fail.
+    // Counts may differ from the promise by 0.01. For near cliff, 12.01 and 11.99 pass, and the next f64 numbers beyond them fail.
     for flavour in Flavour::ALL {
         let (name, promise) = (flavour.name(), f64::from(Estimator::Fc5.promised_fetches(flavour)));
         let count = move |run: &mut RunData, value: f64| row(run, "fetches_per_px", name).value = value;
@@ -102,9 +103,8 @@ fn faults() -> Vec<Fault> {
         // If all flavours take one more fetch, the scene has colour modulation. If only one flavour takes one more fetch, this is a fault.
         add("promises", &format!("one fetch more of {name}"), [promise, promise + 1.0], Fails, Box::new(count));
     }
-    // For the far atlas, 2 to 3 fetches are accepted, with the same tolerance of 0.01: 3.01 passes, and the next larger number fails. A
-    // scene in which the far atlas takes 3 fetches has colour modulation, so the other flavours, except the virtual texture, take one more
-    // fetch, too.
+    // For the far atlas, 2 to 3 fetches are accepted, with the same tolerance of 0.01: 3.01 passes, and the next larger f64 number fails. A scene in
+    // which the far atlas takes 3 fetches has colour modulation, so the other flavours, except the virtual texture, take one more fetch, too.
     let modulated = |run: &mut RunData, value: f64| {
         for flavour in [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat] {
             row(run, "fetches_per_px", flavour.name()).value += 1.0;
@@ -115,7 +115,7 @@ fn faults() -> Vec<Fault> {
     let count_of_splat = |run: &mut RunData, value: f64| row(run, "fetches_per_px", "splat").value = value;
     let of_splat = f64::from(Estimator::Fc5.promised_fetches(Flavour::Splat));
     add("promises", "a count of NaN", [of_splat, f64::NAN], Fails, Box::new(count_of_splat));
-    // A bias may be as large as its limit, in standard errors, plus the allowance for rounding. The sizes are shares of this.
+    // The largest accepted bias is the limit of the test plus the allowance for rounding. The sizes of the fault are shares of this bias.
     let level = sidak(BIAS_TESTS);
     for sign in [1.0, -1.0] {
         let bias = move |run: &mut RunData, share: f64| {
@@ -127,7 +127,7 @@ fn faults() -> Vec<Fault> {
     // A probability below the level of each test is a finding.
     let cancelling = |run: &mut RunData, probability: f64| row(run, "bias_squared_p", "far-cliff").value = probability;
     add("bias", "biases that cancel over the picture", [level, level.next_down()], Fails, Box::new(cancelling));
-    // If only a bias of more than 5 % would be found, nothing can be told. The sizes are shares of this.
+    // The check is unclear if the smallest bias that it would find is larger than 5 % of the albedo range. The sizes are shares of these 5 %.
     let coarse = move |run: &mut RunData, share: f64| {
         let row = row(run, "bias", "near-cliff");
         (row.value, row.standard_error) = (0.0, Some((share * 0.05 - ROUNDING) / detectable(level, FREEDOM)));
@@ -140,8 +140,8 @@ fn faults() -> Vec<Fault> {
     add("bias", "pictures that do not differ between seeds", [1e-9, 0.0], Unclear, Box::new(still));
     let value = |run: &mut RunData, value: f64| row(run, "bias", "near-cliff").value = value;
     add("bias", "a value of NaN", [0.0, f64::NAN], Unclear, Box::new(value));
-    // The mean squared difference from the exact blend may deviate from the prediction by its limit, in standard errors, plus 1 %. The sizes are shares
-    // of this. The standard error is 1 % of the prediction.
+    // The largest accepted deviation from the predicted variance is the limit of the test plus 1 % of the prediction. The sizes are shares of this
+    // deviation. The standard error is 1 % of the prediction.
     let level = sidak(VARIANCE_TESTS);
     for (sign, what) in [(1.0, "a variance that is too large"), (-1.0, "a variance that is too small")] {
         let deviation = move |run: &mut RunData, share: f64| {
@@ -152,7 +152,7 @@ fn faults() -> Vec<Fault> {
         };
         add("variance", what, [1.0 - 1e-9, 1.0 + 1e-9], Fails, Box::new(deviation));
     }
-    // If only a deviation of more than 25 % would be found, nothing can be told.
+    // The check is unclear if the smallest deviation that it would find is larger than 25 % of the prediction. The sizes are shares of these 25 %.
     let coarse = move |run: &mut RunData, share: f64| {
         row(run, "variance_theory", "near-cliff").value = PREDICTED;
         let measured = row(run, "exact_mse", "near-cliff");

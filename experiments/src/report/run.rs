@@ -253,8 +253,8 @@ fn shown(table: &Table) -> String {
     format!("whole.signal.isin([\"\", \"{}\"])", table.shown.name())
 }
 
-/// Returns the value of a metric as it is drawn, and the half-width of its 95 % interval (0 = unknown). The shading time is drawn as its ratio to that
-/// of the base of the view.
+/// Returns the value of a metric as it is drawn, and the half-width of its 95 % interval (0 = unknown). The shading time is drawn as its ratio to
+/// that of the base of the view ([`Table::shading_base`]).
 fn value_and_half(table: &Table, index: usize, metric: Metric) -> (f64, f64) {
     match metric {
         SHADING => table.shading(index).map_or((f64::NAN, 0.0), |shading| (shading.ratio, shading.half_width())),

@@ -1,7 +1,7 @@
 //! Selects the choices whose bias and variance are tested, and describes the biases of those that are biased by design.
 //!
-//! A composition of flavours is a weighted sum of their pictures, with weights that do not depend on the seed. If the flavours are tested, their
-//! compositions follow, and testing them, too, would only raise the limit for all.
+//! A composition of flavours is a weighted sum of their pictures, with weights that do not depend on the seed. The results for compositions therefore
+//! follow from tests of their flavours. Testing the compositions, too, would only raise the limit for all tests.
 
 use kernels::frame::VariantChoice;
 use kernels::shading::Estimator;
@@ -13,15 +13,15 @@ use super::summary::{BIAS, BIAS_P, EXACT_MSE, Metric, Summary, THEORY, Table};
 use crate::definition::variant_choice;
 use crate::significance::limit;
 
-/// The choices that are tested, and the number of other random choices, which follow from them.
+/// The choices that are tested, and the number of other random choices, whose results follow from the tests.
 struct Tested<'a> {
     members: Vec<&'a Summary>,
     follow: usize,
 }
 
 impl<'a> Tested<'a> {
-    /// Selects the random choices that have a number of this metric and an estimator whose mean is the exact blend. If all random flavours of a choice
-    /// are members by themselves, with the same view, noise and setting, the choice follows from them.
+    /// Selects the random choices that have a number of this metric and an estimator whose mean is the exact blend. A choice of several flavours is
+    /// not tested if each of its random flavours is tested alone, with the same view, noise and setting. It is counted in `follow`.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries
@@ -62,8 +62,8 @@ fn drawing(summary: &Summary) -> Vec<Flavour> {
     }
 }
 
-/// Whether a choice that may draw random numbers does so. A forced flavour covers all pixels, so it does. Automatic choices may have no pixel with such
-/// a flavour.
+/// Whether a choice that may draw random numbers does so. Forced flavours cover all pixels, so choices with forced flavours do. In an automatic
+/// choice, it is possible that no pixel has a random flavour.
 fn is_random(summary: &Summary, metric: Metric) -> bool {
     let forced = matches!(variant_choice(&summary.key.variant), Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)));
     forced || summary.is_stochastic() || summary.value(metric).is_nan()
@@ -97,8 +97,8 @@ pub(super) fn variances(table: &Table) -> (Vec<Measured>, usize) {
     (members.iter().map(measured).collect(), follow)
 }
 
-/// Describes the biases of the estimators that are biased by design: for each, the largest, with its 95 % interval and the reason. `None` if there are
-/// none.
+/// Describes the largest bias of each estimator that is biased by design, with its 95 % interval and the reason. `None` if there is no such
+/// estimator.
 pub(super) fn by_design(table: &Table) -> Option<String> {
     let mut largest: Vec<(Estimator, &'static str, &Summary)> = Vec::new();
     for summary in table.summaries.iter().filter(|summary| summary.value(BIAS).is_finite()) {
@@ -126,7 +126,7 @@ mod tests {
     use crate::report::fake::{self, Rows, base, definition};
     use crate::row::Row;
 
-    /// Returns a run with a bias for each of the given rows. Variances are those of random choices.
+    /// Returns the table of a run with a bias and a variance for each of the given rows. The variances are above 0, so the choices count as random.
     fn table(rows: &[Row]) -> Table {
         let mut all = Rows::new();
         for row in rows {
@@ -152,12 +152,12 @@ mod tests {
         let rows: Vec<Row> = all.iter().map(|variant| row(variant, "hashed")).collect();
         // `vt` and `splat` draw no random numbers, so they are neither tested nor counted.
         assert_eq!(selected(&rows), (["near-cliff", "far-cliff"].map(str::to_owned).to_vec(), 5));
-        // Without far cliff, only the choices that use near cliff alone follow from it.
+        // If `far-cliff` is not tested alone, only two choices follow: those whose only random flavour is `near-cliff`.
         let without: Vec<Row> = rows.iter().filter(|row| row.variant != "far-cliff").cloned().collect();
         let (names, follow) = selected(&without);
         assert_eq!((names.len(), follow), (4, 2), "{names:?}");
         assert!(["near-cliff", "near-cliff+far-cliff", "auto", "generic"].iter().all(|name| names.iter().any(|n| n == name)), "{names:?}");
-        // A flavour with another noise, view, setting or estimator is another measurement.
+        // A flavour with another noise, view, setting or estimator is another measurement, so nothing follows from it.
         for other in [
             row("near-cliff", "white"),
             Row { view: "ground".to_owned(), ..row("near-cliff", "hashed") },

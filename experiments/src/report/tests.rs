@@ -116,7 +116,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             }
         }
     }
-    // The y of a mark must be the value of a row of its choice. The x must be one of these numbers, or the setting, a lag or a frequency of the choice.
+    // The y of a mark must be the value of a row of its choice. The x must also be such a value, or the setting, a lag or a frequency of the choice.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
     for ((key, (_, _, lag, frequency)), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));
@@ -185,7 +185,7 @@ fn every_shape_makes_a_whole_page_and_a_text() {
         ];
         let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
         assert!(places.is_sorted(), "{name}: {places:?}");
-        // Encoded pictures can contain these letters by chance. Each word is therefore searched together with the character before it.
+        // Encoded pictures can contain "NaN" or "inf" by chance. Each word is therefore searched together with the character before it.
         assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
         let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
         assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
@@ -275,7 +275,7 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
     assert!(html(&run, &[]).contains("<li class=\"bad\">1 numbers have more than one row"));
-    // The same holds for a second row of any frame, which would otherwise shift the mean.
+    // A second row of a frame is ignored and counted, too. It would otherwise shift the mean.
     for again in 0..2 {
         let mut run = frames(&[1.0, 3.0], None);
         run.rows.push(Row { value: 8.0, ..run.rows[again].clone() });
@@ -348,7 +348,7 @@ fn unstable_times_are_marked_and_lie_on_no_front() {
         row.standard_error = error.map(|share| share * row.value);
         run.clone()
     };
-    // 1.96 standard errors of 2.6 % are 5.1 %. A choice leaves the front over time, but not the front over fetches.
+    // 1.96 standard errors of 2.6 % are 5.1 %, so the time is unstable. Its choice leaves the front over time, but not the front over fetches.
     for (error, words) in [(Some(0.026), "unstable (\u{b1} 5.1 %)"), (None, "unstable (no interval)")] {
         let run = spread(error);
         let table = Table::of(&run);
@@ -379,7 +379,7 @@ fn times_of_other_settings_are_divided_without_an_interval() {
     let table = Table::of(&run);
     let order: Vec<(&str, &str)> = table.summaries.iter().map(|s| (s.key.variant.as_str(), s.key.setting.as_str())).collect();
     assert_eq!(order, [("auto", "4"), ("auto", "8"), ("splat", "4"), ("splat", "8")]);
-    // The rows of setting 8 have ratios of 1 and 3 to their own first row. The table divides by the row of setting 4, which took 10 ms.
+    // The rows of setting 8 contain the ratios to `auto` with setting 8: 1 and 3. The table divides by the 10 ms of `auto` with setting 4.
     let ratios: Vec<(f64, bool)> = (0..4).filter_map(|i| table.shading(i)).map(|shading| (shading.ratio, shading.is_stable())).collect();
     assert_eq!(ratios, [(1.0, true), (1.5, false), (4.0, true), (4.5, false)]);
     assert_eq!(table.front(&[0, 1, 2, 3], SHADING, RMSE).points, [0, 2]);
@@ -430,9 +430,9 @@ fn every_mark_can_be_red() {
     assert_eq!(with(&|run| scale(run, "exact_mse", "near-cliff", 2.0)), [Passes, Passes, Passes, Fails, Passes]);
     // Biases of compositions are not tested, because they follow from those of the flavours.
     assert_eq!(with(&|run| put(run, "bias", "auto", 1e-3, 1.5e-5)), [Passes; 5]);
-    // A check without enough data has a mark of its own.
+    // A check without enough data is `Unclear`.
     assert_eq!(with(&|run| put(run, "bias", "far-cliff", 0.0, 0.1)), [Passes, Passes, Unclear, Passes, Passes]);
-    // A sixth check names rows that hold no number.
+    // A sixth check names rows whose value is NaN.
     assert_eq!(with(&|run| scale(run, "exact_mse", "far-cliff", f64::NAN)), [Passes, Passes, Passes, Unclear, Passes, Fails]);
     let invalid = |run: &mut RunData| {
         let is_count = |r: &&mut Row| r.metric == "invalid_px" && r.variant == "vt+splat" && r.signal == "lit";
@@ -552,7 +552,7 @@ fn reference_sequences_of_resolves_are_told_apart() {
     let folder = Folder::new("resolved");
     let run = fake::temporal(folder.path(), &["hashed"]);
     let table = Table::of(&run);
-    // Their rows differ only in the resolve, so they are no doubles.
+    // The rows of these sequences differ only in the resolve, so none of them counts as a repetition of another.
     assert_eq!((table.doubles, table.references.len()), (0, 2));
     let differences: Vec<(&str, f64)> = table.references[0].differences.iter().map(|(resolve, d)| (resolve.as_str(), *d)).collect();
     assert_eq!(differences, [("", 0.0011), ("exponential", 0.0007), ("flipquad", 0.0007)]);
@@ -576,8 +576,8 @@ fn choices_within_chance_of_a_front_are_marked() {
     let names = |table: &Table| -> BTreeMap<String, String> {
         table.summaries.iter().zip(columns::fronts(table)).map(|(s, front)| (s.key.variant.clone(), front.name())).collect()
     };
-    // Without standard errors, each of the first three is on the front of errors. Chance explains why near cliff adds less change than the far atlas, and
-    // why it adds more than splat.
+    // RMSE has no standard errors, so each of the first three choices is on the front of cost against error. Chance explains why near cliff adds less
+    // change than the far atlas, and why it adds more than splat.
     let expected = [("far-atlas", "error, added"), ("near-cliff", "error, (added)"), ("splat", "error, added"), ("vt", "")];
     assert_eq!(names(&table), BTreeMap::from(expected.map(|(variant, front)| (variant.to_owned(), front.to_owned()))));
     let page = html(&run, &[]);
@@ -606,7 +606,8 @@ fn intervals_follow_from_the_degrees_of_freedom() {
     assert_eq!([3, 4, 16, 200].map(|frames| half(frames, "added", Some(1))), [12.706, 4.303, 2.145, 2.093]);
     assert_eq!(half(16, "perceived_noise", None), 3.182);
     assert_eq!(half(16, "clumping", None), 2.365);
-    // The row of a bias says that its standard error has 90. A standard error of a time is derived from an interval of 1.96 of them.
+    // The row of a bias gives 90 degrees of freedom. The standard error of a time is the half-width of its interval divided by 1.96, and it is
+    // treated as certain.
     assert_eq!((FREEDOM, half(16, "bias", None)), (90.0, 1.987));
     assert!((half(16, "gpu_ratio:shading", None) - 1.96).abs() < 1.5e-3, "{}", half(16, "gpu_ratio:shading", None));
 }

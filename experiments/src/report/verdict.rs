@@ -45,11 +45,11 @@ impl Shape {
     }
 }
 
-/// What the numbers of one view answer.
+/// The answer for one view.
 struct Told {
     /// The answer in a few words, such as the name of a noise. Views with the same words have the same answer.
     answer: String,
-    /// Whether the run can tell.
+    /// Whether the data of the view decide the question.
     sure: bool,
     /// The answer as a sentence, without the name of the view.
     sentence: String,
@@ -90,7 +90,8 @@ fn sentence(table: &Table, text: &str) -> String {
     }
 }
 
-/// Returns the sentence that answers the question: that of the first view that can tell, and in how far it holds in the other views.
+/// Returns the sentence that answers the question. It gives the answer for the first view whose data decide the question, and says for the other
+/// views whether their answer is the same.
 fn first_line(table: &Table, told: &[(&String, Told)]) -> String {
     let lead = told.iter().position(|(_, told)| told.sure).unwrap_or(0);
     let (view, first) = &told[lead];
@@ -135,7 +136,7 @@ fn details_of_view(table: &Table, shape: Shape, rows: &[usize]) -> Option<String
         Shape::Estimators => estimators(table, rows),
         Shape::Variants => variants(table, rows),
         Shape::Noises => noises(table, rows),
-        // The sentence has all numbers.
+        // The first line already contains all numbers.
         Shape::One => None,
     };
     let (unstable, timed) = table.unstable(rows);
@@ -165,7 +166,7 @@ fn say(summary: &Summary, metric: Metric) -> String {
     }
 }
 
-/// Formats the value of a metric as the object of [`claim`].
+/// Formats the value of a metric for the place after the predicate of [`claim`].
 fn amount(summary: &Summary, metric: Metric) -> String {
     if metric == ADDED { format!("{} a frame", value(summary, metric)) } else { say(summary, metric) }
 }
@@ -184,12 +185,12 @@ fn claim(table: &Table, metric: Metric, many: bool) -> String {
     }
 }
 
-/// Says at which frame rate noise is perceived.
+/// Returns the frame rate for which perceived noise is computed, as text.
 fn at_rate(table: &Table) -> String {
     format!(" at {} frames a second", number(table.frames_per_second))
 }
 
-/// Says on what a choice was measured.
+/// Returns the variant of a choice as an adverbial, such as "with automatic choice" or "on near-cliff".
 fn on(summary: &Summary) -> String {
     match summary.key.variant.as_str() {
         "auto" => " with automatic choice".to_owned(),
@@ -198,8 +199,8 @@ fn on(summary: &Summary) -> String {
     }
 }
 
-/// Returns cost, error, added and lost change of choices as text. Values that are not known are omitted. The first choice gives cost and error; changes
-/// that differ between the choices are given as a range.
+/// Returns cost, error, added and lost change of choices as text. Values that are not known are omitted. Cost and error are those of the first
+/// choice. Changes that differ between the choices are given as a range.
 fn price(table: &Table, choices: &[&Summary]) -> String {
     let Some(first) = choices.first() else { return String::new() };
     let mut parts: Vec<String> = Vec::new();
@@ -250,11 +251,11 @@ fn list(items: &[String], most: usize) -> String {
 /// The result of comparing two values of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Difference {
-    /// The values differ.
+    /// The values differ by at least [`SMALL`], and chance does not explain the difference.
     Apart,
     /// The values differ by less than [`SMALL`], and so do all values in their confidence intervals.
     Close,
-    /// The run cannot tell whether the values differ.
+    /// The data do not show whether the values differ.
     Unclear,
 }
 
@@ -268,7 +269,7 @@ fn halves(a: &Summary, b: &Summary, metric: Metric) -> f64 {
     [a, b].iter().filter_map(|summary| summary.half(metric)).sum()
 }
 
-/// Whether the values of a metric of two choices differ by less than [`SMALL`], wherever in their confidence intervals the true values lie.
+/// Whether the values of a metric of two choices differ by less than [`SMALL`] for all true values in their confidence intervals.
 fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
     let [one, other] = [a, b].map(|summary| summary.value(metric));
     relative(one, other) < SMALL && (one - other).abs() + halves(a, b, metric) <= SMALL * one.abs().max(other.abs())
@@ -292,7 +293,7 @@ fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     }
 }
 
-/// Says why two values are not told apart.
+/// Returns a relative clause that says why two values do not count as different.
 fn because(difference: Difference) -> String {
     match difference {
         Difference::Close => format!("which differ by less than {:.0} %", 100.0 * SMALL),
@@ -300,7 +301,7 @@ fn because(difference: Difference) -> String {
     }
 }
 
-/// Names the rows that are not told from the best one, with their values; empty if there are none.
+/// Names the rows that do not count as different from the best row, with their values; empty if there are none.
 fn alike_words(table: &Table, ranked: &Ranking, name: impl Fn(usize) -> String) -> String {
     let of = |i: usize| &table.summaries[i];
     let (close, unclear): (Vec<usize>, Vec<usize>) = ranked.alike.iter().partition(|&&i| is_close(of(ranked.best), of(i), ranked.metric));
@@ -326,7 +327,7 @@ fn is_usable(table: &Table, metric: Metric) -> bool {
     metric != PERCEIVED || table.is_memory_filled
 }
 
-/// Returns those of the rows that have a finite value of a metric; none if answers may not use the metric ([`is_usable`]).
+/// Returns the rows that have a finite value of a metric; none if answers may not use the metric ([`is_usable`]).
 fn known(table: &Table, rows: &[usize], metric: Metric) -> Vec<usize> {
     if !is_usable(table, metric) {
         return Vec::new();
@@ -356,12 +357,12 @@ struct Ranking {
     worst: usize,
     /// How the largest value differs from the smallest one.
     difference: Difference,
-    /// The rows that are not told from the best one, in the order of the definition; the best one is not among them.
+    /// The other rows that do not count as different from the best row, in the order of the definition.
     alike: Vec<usize>,
 }
 
-/// Ranks the rows by a metric; `None` if fewer than two rows have a finite value. `tried`: the number of metrics by which the rows are ranked to find
-/// one that tells something.
+/// Ranks the rows by a metric; `None` if fewer than two rows have a finite value. `tried`: the number of metrics from which the caller selects the
+/// first that shows a difference.
 fn ranking(table: &Table, rows: &[usize], metric: Metric, tried: usize) -> Option<Ranking> {
     let known = known(table, rows, metric);
     let (best, worst) = extremes(table, &known, metric).filter(|_| known.len() > 1)?;
@@ -373,7 +374,7 @@ fn ranking(table: &Table, rows: &[usize], metric: Metric, tried: usize) -> Optio
 
 // ---- Noises. ----
 
-/// Returns the rows that differ from the subject only in their noise.
+/// Returns the rows that differ from the subject ([`subject`]) only in their noise.
 fn rows_of_noises(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.setting)
@@ -484,7 +485,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
 
 // ---- A parameter. ----
 
-/// Returns the rows that differ from the subject only in the value of the parameter.
+/// Returns the rows that differ from the subject ([`subject`]) only in the value of the parameter.
 fn rows_of_parameter(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.noise)
@@ -504,7 +505,8 @@ fn parameter_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let rows = rows_of_parameter(table, rows);
     let of = |i: usize| &table.summaries[i];
     let name = |i: usize| of(i).key.setting.as_str();
-    // The metrics in the order in which they decide: first what is seen, then the cost. Flips and clumping are causes of what is seen.
+    // The first metric that shows a difference decides. Visible errors come first, then the cost. Flips and clumping come last, because they are only
+    // causes of visible errors.
     let metrics = [ADDED, PERCEIVED, table.error, table.cost, FLIPS, CLUMPING];
     let tried = metrics.iter().filter(|&&metric| known(table, &rows, metric).len() > 1).count();
     let ranked: Vec<Ranking> = metrics.into_iter().filter_map(|metric| ranking(table, &rows, metric, tried)).collect();
@@ -576,7 +578,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
 
 // ---- Temporal resolves. ----
 
-/// How a resolve changes a choice: the rows without and with the resolve.
+/// The row of a choice without a resolve, and its row with the resolve.
 type Pair = (usize, usize);
 
 /// Returns, for a resolve, the pairs of rows that differ only in the resolve. If there are stochastic choices, deterministic choices are omitted: a
@@ -594,7 +596,7 @@ fn pairs_of(table: &Table, rows: &[usize], base: &str, resolve: &str) -> Vec<Pai
     if by_chance.is_empty() { pairs } else { by_chance }
 }
 
-/// Returns the resolve with which the others are compared.
+/// Returns the resolve with which the others are compared: `off`, or the first one if `off` is not measured.
 fn base_of(table: &Table) -> Option<&String> {
     table.temporal.iter().find(|t| *t == "off").or(table.temporal.first())
 }
@@ -735,7 +737,7 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
 enum Change {
     /// The metric changes; the text gives the values or their ratios.
     Moved(String),
-    /// The metric of no pair changes by [`SMALL`] or more ([`is_close`]).
+    /// In all pairs, the metric changes by less than [`SMALL`] ([`is_close`]).
     Still,
 }
 
@@ -767,7 +769,7 @@ fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
 
 // ---- Estimators. ----
 
-/// Returns the rows that differ from the subject only in their estimator.
+/// Returns the rows that differ from the subject ([`subject`]) only in their estimator.
 fn rows_of_estimators(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.noise, &a.key.temporal, &a.key.setting) == (&b.key.variant, &b.key.noise, &b.key.temporal, &b.key.setting)
@@ -906,7 +908,7 @@ fn automatic(table: &Table, rows: &[usize]) -> Option<usize> {
     rows.iter().copied().find(|&i| table.summaries[i].key.variant == "auto")
 }
 
-/// Returns the row with another variant and otherwise the same columns.
+/// Returns the row that has the variant `variant` and otherwise the same columns as `like`.
 fn with_variant(table: &Table, rows: &[usize], like: &Summary, variant: &str) -> Option<usize> {
     let same = |s: &Summary| {
         s.key.variant == variant
@@ -948,10 +950,11 @@ fn variants_told(table: &Table, rows: &[usize]) -> Option<Told> {
         });
     };
     let auto = of(automatic);
-    // Which noise is best is another question, so the automatic choice may be on a front with any of them.
+    // The question is not about the noise. The automatic choice is worth its fetches if it is on a front with any of the noises.
     let is_worth = |&i: &usize| fronts.iter().any(|front| front.contains(i) || front.is_alike(i));
     let worth = auto.value(error).is_nan() || rows.iter().filter(|&&i| of(i).key.variant == "auto").any(is_worth);
-    // The dearest choice of the front that is not dearer than the automatic choice; it is better than the automatic choice if that is not on the front.
+    // The most expensive choice on the front that costs at most as much as the automatic choice. If the automatic choice is not on the front, this
+    // choice is better.
     let better = front.points.iter().rev().map(|&i| of(i)).find(|s| s.value(cost) <= auto.value(cost));
     let splat = with_variant(table, rows, auto, "splat");
     let level = level_of_each(2);
@@ -1096,13 +1099,14 @@ mod tests {
     /// A number of a choice: its metric, its value and its standard error.
     type Figure = (&'static str, f64, Option<f64>);
 
-    /// Returns the answer of a run of albedo in 16 frames, with the given choices and their numbers. Standard errors of changes have 14 degrees of freedom,
-    /// so a 95 % interval has a half-width of 2.145 of them. Perceived noise is measured in four frames: 3.182.
+    /// Returns the answer of a run of albedo in 16 frames, with the given choices and their numbers. Standard errors of changes have 14 degrees of
+    /// freedom, so the half-width of a 95 % interval is 2.145 standard errors. Perceived noise is measured in four frames, so the half-width is 3.182
+    /// standard errors.
     fn said(choices: &[(Row, Vec<Figure>)]) -> String {
         said_in(16, choices)
     }
 
-    /// The same for another number of frames.
+    /// Like [`said`], for a given number of frames.
     fn said_in(frames: u32, choices: &[(Row, Vec<Figure>)]) -> String {
         verdict(&table_of(frames, choices))
     }
@@ -1199,7 +1203,7 @@ mod tests {
             "Ship automatic choice: it takes 8.0 fetches per pixel instead of full splat's 48.0 (83 % fewer); its RMSE is 0.015 instead of 0.014, and its \
              added change is 0.001000 \u{b1} 0.000043 instead of 0.000100 \u{b1} 0.000043."
         );
-        // A cheaper variant with a smaller error.
+        // A cheaper variant with a smaller error is added.
         all.push((variant("vt"), numbers(4.0, 0.0145, 0.0002)));
         assert!(
             first(&all).starts_with(
@@ -1229,8 +1233,8 @@ mod tests {
     fn automatic_choice_is_held_against_splat_and_generic() {
         let folder = Path::new(".");
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &["hashed"])));
-        // The shading times are 3 + 1.1 x 17.3 ms for auto, 3 + 1.1 x 48 ms for splat, and 3 + 1.2 x 1.1 x 17.3 ms for generic. The ratios of the other
-        // two to auto have a standard error of 1 %.
+        // The shading times are 3 + 1.1 x 17.3 ms for auto, 3 + 1.1 x 48 ms for splat, and 3 + 1.2 x 1.1 x 17.3 ms for generic. The ratios of splat
+        // and generic to auto have a standard error of 1 %.
         assert!(
             text.contains(
                 "its shading is 2.533 \u{b1} 0.050 times as fast as full splat everywhere and 1.173 \u{b1} 0.023 times as fast as the generic kernel"
@@ -1261,7 +1265,7 @@ mod tests {
     fn unstable_times_take_no_part_and_are_counted() {
         let mut run = fake::variants(Path::new("."), &["cliff"], &["hashed"]);
         assert!(!verdict(&Table::of(&run)).contains("unstable"));
-        // 1.96 standard errors of 2.5 % are 4.9 %, and those of 2.6 % are 5.1 %.
+        // The limit of the interval is 5 %: 1.96 standard errors of 2.5 % are 4.9 %, and those of 2.6 % are 5.1 %.
         let spread = |run: &mut RunData, share: f64| {
             for row in run.times.iter_mut().filter(|row| row.metric == metrics::SHADING_RATIO && row.variant == "splat") {
                 row.standard_error = Some(share * row.value);
@@ -1277,7 +1281,7 @@ mod tests {
             "{text}"
         );
         assert!(!text.contains("times as fast as full splat"), "{text}");
-        // Without an error, nothing is known about a ratio.
+        // A ratio without a standard error counts as unstable.
         run.times.iter_mut().filter(|row| row.variant == "generic").for_each(|row| row.standard_error = None);
         let text = verdict(&Table::of(&run));
         assert!(!text.contains("its shading") && text.contains("2 of 33 shading times are unstable"), "{text}");
@@ -1348,7 +1352,7 @@ mod tests {
         );
         assert!(two(0.0012, 0.00121, 0.000001).contains("which differ by less than 2 %"), "{}", two(0.0012, 0.00121, 0.000001));
         assert!(two(0.0012, 0.0014, 0.00001).starts_with("Hashed noise adds"), "{}", two(0.0012, 0.0014, 0.00001));
-        // Two of three.
+        // Chance explains the difference between two of the three noises.
         let three = [("hashed", 0.0012), ("world", 0.0013), ("white", 0.0048)];
         assert_eq!(
             first(&three.map(|(name, value)| (noise(name), vec![adds(value, 0.00005)]))),
@@ -1391,7 +1395,7 @@ mod tests {
         assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));
     }
 
-    /// A row of a value of a parameter.
+    /// A row with a value of a parameter.
     fn setting(parameter: &str, value: &str) -> Row {
         Row { parameter: parameter.to_owned(), setting: value.to_owned(), ..base("cliff") }
     }
@@ -1411,7 +1415,7 @@ mod tests {
              Over 3 values of blend.hash_scale, added change ranges from 0.001 at 4.0 to 0.004 at 0.5; flip rate ranges from 0.06 at 4.0 to 0.6 at 0.5; \
              clumping ranges from 1 at 0.5 to 8 at 4.0; the parameter changes RMSE, fetches per pixel by less than 2 %."
         );
-        // A cost is a price, too.
+        // A higher cost is a disadvantage that the sentence names, too.
         (all[0].1, all[2].1) = (five([1000.0, 0.05, 0.004, 0.6, 1.0]), five([12.0, 0.0501, 0.001, 0.06, 8.0]));
         assert!(
             first(&all).contains("; in return, it takes 12.0 fetches per pixel there and fewest at 1.0 (10.0), and clumping is 8 there"),
@@ -1530,7 +1534,7 @@ mod tests {
             first(&[of("fc5", 12.0, 0.047, 0.012), of("biplanar", 8.0, rmse, 0.013), of("exact", 48.0, 0.009, 0.0006)])
         };
         let others = |rmse: f64| measured(rmse, 0.0005);
-        // The standard error of a single frame's RMSE is not known in real runs; here it is.
+        // In real runs, the RMSE of a single frame has no known standard error. This test gives it one.
         assert!(
             measured(0.0475, 0.0001).starts_with(
                 "biplanar is cheaper than fc5 on near-cliff at errors which differ by less than 2 % (8.0 against 12.0 fetches"
@@ -1567,7 +1571,7 @@ mod tests {
         assert_eq!(of(0.0100, 0.0101, None), (Difference::Close, true));
         assert_eq!([of(0.0, 0.0, None), of(0.01, 0.0101, Some(0.0))], [(Difference::Close, true); 2]);
         assert_eq!(of(0.0100, 0.0103, Some(0.00001)), (Difference::Apart, false));
-        // The details say so, too.
+        // The details follow the same rule.
         let scale = |value: &str, error: f64| (setting("p", value), vec![("rmse", if value == "1" { 0.05 } else { 0.0501 }, Some(error))]);
         assert!(said(&[scale("1", 1e-5), scale("2", 1e-5)]).contains("the parameter changes RMSE by less than 2 %"));
         let text = said(&[scale("1", 0.01), scale("2", 0.01)]);
@@ -1581,8 +1585,8 @@ mod tests {
         assert!(text.contains("flip rate from 0.300") && !text.contains("by less than"), "{text}");
     }
 
-    /// Counts the seeded tables for whose answer `holds` is true. Each metric has the same true value in all `rows`, and is given with the number of
-    /// values from which it is measured.
+    /// Counts the seeded tables for whose answer `holds` is true. Each metric has the same true value in all `rows`. `metrics`: each metric with the
+    /// number of values from which it is measured.
     fn count(rows: &[Row], metrics: &[(&'static str, u32)], salt: u32, holds: impl Fn(&Table) -> bool) -> u32 {
         let table = |seed: u32| {
             let figures = |(point, row): (u32, &Row)| {
@@ -1611,7 +1615,8 @@ mod tests {
             let wrong = count(&rows, &[CHANGE], 6, is_told);
             assert!(wrong <= TABLES / 20, "{wrong} of {TABLES} tables of {values} equal values have a best one");
         }
-        // Negative control: tested as if the best and the worst value were named beforehand, and without the rule that intervals must not overlap.
+        // Negative control: a single test at the level 5 %, as if the best and the worst noise were chosen before the measurement, and without the
+        // rule that intervals must not overlap.
         let rows: Vec<Row> = (0..12).map(|value| noise(&format!("noise-{value}"))).collect();
         let blind = |table: &Table| {
             let Some((low, high)) = extremes(table, &table.of_view("cliff"), ADDED) else { return false };
@@ -1622,7 +1627,8 @@ mod tests {
 
     #[test]
     fn noise_alone_seldom_makes_a_parameter_matter() {
-        // The sentence takes the first of four metrics that tells eight values apart. Of 16 frames, 15 have a flip rate, and 4 have perceived noise.
+        // The sentence uses the first of four metrics that shows a difference between eight values. Of 16 frames, 15 have a flip rate, and 4 have
+        // perceived noise.
         let rows: Vec<Row> = (0..8).map(|value| setting("p", &value.to_string())).collect();
         let metrics = [CHANGE, ("perceived_noise", 4), ("rmse", 16), ("flip_rate", 15)];
         let is_told = |table: &Table| parameter_told(table, &table.of_view("cliff")).expect("values").sure;
@@ -1675,7 +1681,7 @@ mod tests {
              with white noise; the same holds in view b (0.00100 \u{b1} 0.00011 against 0.00300 \u{b1} 0.00011); in view c, white noise adds the least \
              change in motion (0.00100 \u{b1} 0.00011 against 0.00400 \u{b1} 0.00011)."
         );
-        // The first view that can tell comes first.
+        // The view that decides the question comes first.
         let unclear = [of("a", 0.0012, 0.0013), of("b", 0.0010, 0.0030)].concat();
         assert!(first(&unclear).starts_with("In view b, hashed noise adds the least change"), "{}", first(&unclear));
         assert!(

@@ -182,7 +182,7 @@ impl Labels<'_> {
         self.definition.noises.first().is_some_and(|noise| noise == self.noise)
     }
 
-    /// Adds a row if the definition requests the metric. A metric that has a signal is that of albedo.
+    /// Adds a row if the definition requests the metric. If the metric depends on a signal, the row is about albedo.
     ///
     /// # Errors
     /// The name is not in the table of metrics.

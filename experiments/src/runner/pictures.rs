@@ -23,7 +23,8 @@ use crate::unit::Unit;
 const ROOM: &str = "cannot store a picture (make room if the disk is full)";
 /// The number that stands for a pixel without terrain in a file of links.
 const NO_TERRAIN: u32 = NO_LINK - 1;
-/// Smallest change of the error for which a map of residual flicker has the last colour of its scale, which is almost white.
+/// Smallest change of the error, in the unit of the signal's luminance, that a map of residual flicker shows in the last colour of its scale. This
+/// colour is almost white.
 const MAP_WHITE: f64 = 0.25;
 
 /// The kind of a picture.
@@ -147,7 +148,7 @@ pub(super) fn linear(picture: &[[u32; 2]], signal: Signal) -> Vec<[f32; 3]> {
     picture.iter().map(|s| if signal == Signal::Lit { colour(s).map(linear_from_srgb) } else { colour(s) }).collect()
 }
 
-/// Returns the codes with which a measured picture is shown.
+/// Returns the 8-bit sRGB codes with which a measured picture is displayed.
 pub(super) fn displayed(picture: &[[u32; 2]], signal: Signal) -> Vec<[u8; 3]> {
     display(&linear(picture, signal))
 }

@@ -1,8 +1,9 @@
-//! The file with the pictures of a reference sequence. A part that renders a reference writes it, and the sweeps of the same view read it.
+//! The file with the pictures of reference sequences. A part that renders a reference writes it, and the sweeps of the same view read it.
 //!
-//! The file consists of sections, each compressed with Zstandard. A section holds the pictures of one temporal resolve: for each frame the pictures of
-//! all measured signals, each as two 32-bit words per pixel (`kernels::shared::signal`), little-endian. The names and places of the sections are
-//! stored with the facts about the reference, not in the file. The file is removed when the run is finished.
+//! The file consists of sections, each compressed with Zstandard. A section contains the sequences of all temporal resolves that have the same sample
+//! points: for each frame, the pictures of these resolves, for all measured signals. A picture has two 32-bit words per pixel
+//! (`kernels::shared::signal`), little-endian. If the lit picture is measured, the last section contains the lit picture of the converged reference.
+//! The places of the sections are stored with the facts about the reference, not in the file. The file is removed when no unfinished sweep needs it.
 
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -17,7 +18,7 @@ const LEVEL: i32 = 1;
 /// A section of the file that is being written.
 type Section<'a> = Encoder<'a, BufWriter<File>>;
 
-/// Writes the file under a temporary name. It gets its name when it is finished.
+/// Writes the file under a temporary name. The file gets its final name when it is finished.
 pub(super) struct Writer {
     file: PathBuf,
     temporary: PathBuf,
@@ -57,7 +58,7 @@ impl Writer {
         Ok(place)
     }
 
-    /// Flushes the file to the disk and gives it its name.
+    /// Flushes the file to the disk and renames it to its final name.
     ///
     /// # Errors
     /// The disk fails.
@@ -73,7 +74,7 @@ impl Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // After `finish`, there is no file of this name. An error is ignored, because the store removes temporary files when a run is continued.
+        // After `finish`, no file has the temporary name. An error is ignored, because the store removes temporary files when a run is continued.
         let _ = fs::remove_file(&self.temporary);
     }
 }
@@ -105,7 +106,7 @@ impl Pictures {
         let open = || -> std::io::Result<Decoder<'static, BufReader<File>>> {
             let mut input = File::open(file)?;
             input.seek(SeekFrom::Start(place))?;
-            // The bytes after the section belong to the next section.
+            // Only one section is decompressed. The bytes after it belong to the next section.
             Ok(Decoder::new(input)?.single_frame())
         };
         let input = open().with_context(|| unreadable(file))?;
@@ -131,7 +132,7 @@ mod tests {
     /// A new folder for a test.
     fn folder(test: &str) -> PathBuf {
         let path = std::env::temp_dir().join(format!("scree-sequence-{test}-{}", std::process::id()));
-        // An earlier process of the same number may have left it.
+        // An earlier process with the same process id may have left the folder.
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).expect("a temporary folder can be made");
         path

@@ -75,7 +75,8 @@ impl Runner<'_> {
                 r.outputs.keep_geometry = !turn.is_first;
             });
             let passes = renderer.draw(&request)?.into_report().passes;
-            // The first picture of a round is that of another candidate each time. The times of the geometry belong together.
+            // The geometry is drawn by the first picture of a round, which shows a different candidate in each round. All times of the geometry are
+            // assigned to candidate 0, so that they form one series.
             let owner = |pass: &str| if pass == GEOMETRY { 0 } else { turn.candidate };
             Ok(passes.into_iter().map(|pass| Timed { candidate: owner(&pass.name), pass: pass.name, ms: pass.time_ms }).collect())
         };
@@ -86,7 +87,7 @@ impl Runner<'_> {
         let scene = renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: "off" };
         let mut rows = Vec::new();
-        // A base that belongs to another part has its rows there.
+        // A base that belongs to another part is not among the variants of this part. It is skipped, because the other part stores its rows.
         for (candidate, pass) in samples.keys() {
             let Some((name, _)) = self.variants.get(candidate) else { continue };
             let (key, base) = ((candidate, pass), (base, pass));

@@ -289,7 +289,7 @@ const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 /// by log2(`MIN_COSINE` / cosine) levels.
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
-        // The step to the neighbouring pixel is very short, so that both rays have practically the same cosine.
+        // The step to the neighbouring pixel is very short, so the rays of both pixels have practically the same cosine.
         let cosine = degrees.to_radians().cos();
         let (ray, normal) = ([0.0, 1.0, 0.0], [0.0, -cosine, (1.0 - cosine * cosine).sqrt()]);
         let got = length(derivatives::on_plane(ray, [0.0, 0.0, 1e-9], 1.0, normal));

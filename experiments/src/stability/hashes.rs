@@ -14,8 +14,8 @@ pub const FIRST_BIT: usize = 8;
 /// threshold with a probability of one half. Carries of products only affect higher bits. Higher input bits therefore rarely change the lowest output
 /// bits, and input bits 25 and above never change them. These lowest output bits change a threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// Largest accepted deviation from one half of the probability that a bit in the highest byte of a threshold changes if an input bit of
-/// [`hash::pcg4d`] with an index of at least [`MIXED_BITS`] changes.
+/// Limit for the input bits of a word of [`hash::pcg4d`] from index [`MIXED_BITS`] on. If such a bit changes, each bit in the highest byte of a
+/// threshold changes with a probability that deviates from one half by at most this value.
 pub const COARSE_DEVIATION: f64 = 0.2;
 /// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at
 /// most this value. Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], which gives the

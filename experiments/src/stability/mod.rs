@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 pub struct Row {
     /// What was measured: the name of a kind of noise, of a hash, or of an encoding.
     pub kind: String,
-    /// The conditions of the measurement: a view, a distance from the origin, a footprint and slope, or a number of bits.
+    /// The conditions of the measurement: a view, a distance from the origin, a footprint and slope, a number of bits, or the index of a word.
     pub view: String,
-    /// The difference between the two samples that are compared: a motion of the camera, an axis along which the place changes, a seed, a rounding or
-    /// an encoding. Empty if no samples are compared.
+    /// What is varied or compared under these conditions: a motion of the camera, an input of the noise that changes (a coordinate, the scale, the
+    /// seed or the salt), the index of a threshold, a tested probability, the index of a bit, a rounding or an encoding. Empty if nothing is varied.
     pub motion: String,
     /// Name of the statistic. A name that ends with ` p` belongs to a p-value. All p-values of a family are tested at the level that
     /// [`statistics::sidak`] returns for their number.

@@ -345,8 +345,8 @@ impl Run {
         Ok(())
     }
 
-    /// Stores the result of a part. The columns that follow from the part or from the metric are set here, so that rows cannot contradict them. The
-    /// column `signal` of a metric that has a signal is `albedo` unless it is `lit`.
+    /// Stores the result of a part. The columns that follow from the part or from the metric are set here, so that rows cannot contradict them. If
+    /// the metric is measured for each signal, the column `signal` keeps the value `lit`, and any other value is replaced by `albedo`.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {

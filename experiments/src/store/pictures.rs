@@ -14,7 +14,7 @@ pub(crate) struct RunPicture {
     pub(crate) title: String,
     /// Caption, which is one sentence.
     pub(crate) caption: String,
-    /// Kind of the picture: `reference`, `frame`, `tile-map`, `residual-map` or `error-map`.
+    /// Kind of the picture: `reference`, `frame`, `tile-map` or `residual-map`. Older versions also wrote `error-map`.
     pub(crate) kind: String,
     /// View of the picture, as in [`crate::row::Row`].
     pub(crate) view: String,

@@ -35,7 +35,8 @@ const NOTE_SCHEMA: &str = "scree.schema";
 const NOTE_ROWS: &str = "scree.rows";
 const NOTE_CHECKSUM: &str = "scree.xxhash64";
 
-/// Describes tables of another schema, with the remedy. The same sentence is used for a damaged note in a file, which looks alike.
+/// Describes tables of another schema, with the remedy. A damaged note about the schema cannot be distinguished from the note of another version, so
+/// the sentence names both causes.
 pub(super) fn other_schema(schema: &str) -> String {
     let schema: String = one_line(schema).chars().take(20).collect();
     format!(

@@ -156,7 +156,7 @@ impl At {
         At::default()
     }
 
-    /// The place of the value that a key has in the table at this place.
+    /// The place of the value of `key`, in the table at this place.
     pub fn key(&self, key: impl Into<Cow<'static, str>>) -> At {
         let mut path = self.0.clone();
         path.push(Step::Key(key.into()));
@@ -212,10 +212,10 @@ impl At {
         values.iter().try_for_each(|&value| self.within(value, low, high))
     }
 
-    /// Checks a band, which is a lower and an upper end.
+    /// Checks a band `[from, to]`: both ends lie in `low..=high`, and `from` is at most `to`. `None` is accepted.
     ///
     /// # Errors
-    /// The band `[from, to]` has an end outside the limits, or `from` is above `to`. `None` is accepted.
+    /// An end is outside the limits, or `from` is above `to`.
     pub fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
         let Some([from, to]) = band else { return Ok(()) };
         self.all_within(&[from, to], low, high)?;
@@ -360,8 +360,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// Returns the problem with the number of the line of `text` at which the path of the problem ends. A value that is left out has its
-    /// default, so `text` may contain only the first steps of the path. The line is then that of the last step that `text` contains.
+    /// Adds the number of the line at which `text`, the document, contains the value. If the document omits the value because it has a default,
+    /// `text` contains only the first steps of the path. The line is then that of the last step that `text` contains.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -43,8 +43,8 @@ fn target(file: &Path) -> Result<PathBuf> {
 
 /// A folder that is filled under a temporary name, next to its final path. It is removed if [`WholeFolder::finish`] is not called.
 ///
-/// A process that is killed leaves the temporary folder behind. While a process fills it, a file beside it is locked, so [`remove_unfinished`] can
-/// tell the two apart.
+/// A process that is killed leaves the temporary folder behind. While a process fills the folder, a file beside it is locked. So
+/// [`remove_unfinished`] can tell an abandoned folder from a folder that is being filled.
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
@@ -52,12 +52,13 @@ pub struct WholeFolder {
     lock: Option<File>,
 }
 
-/// Where a folder with this path is made: its path without a link at the end, and the beginning of the paths of its temporary folders.
+/// Returns two paths for the final path `place` of a folder: `place` with a symbolic link resolved, and the common prefix of the paths of its
+/// temporary folders.
 ///
 /// # Errors
 /// The path does not end in a name.
 fn temporary_beside(place: &Path) -> Result<(PathBuf, PathBuf)> {
-    // A link to an empty folder keeps its name.
+    // If `place` is a link to an empty folder, the new folder replaces that folder, and the link stays.
     let place = if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
     let Some(name) = place.file_name() else {
         return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
@@ -74,11 +75,11 @@ fn with(path: &Path, end: &str) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Removes the temporary folders of a [`WholeFolder`] with this final path that processes left behind when they were killed. Those that a process
-/// fills at the moment are kept. Returns the removed folders.
+/// Removes the temporary folders that killed processes left behind. `place`: the final path of the [`WholeFolder`]. Temporary folders that a process
+/// is still filling are kept. Returns the removed folders.
 ///
 /// # Errors
-/// `place` does not end in a name, or such a folder cannot be removed.
+/// `place` does not end in a name, or an abandoned folder cannot be removed.
 pub fn remove_unfinished(place: &Path) -> Result<Vec<PathBuf>> {
     let (_, begin) = temporary_beside(place)?;
     let (Some(parent), Some(begin)) = (begin.parent(), begin.file_name()) else { return Ok(Vec::new()) };
@@ -98,7 +99,7 @@ pub fn remove_unfinished(place: &Path) -> Result<Vec<PathBuf>> {
         };
         if !is_in_use {
             fs::remove_dir_all(&path).map_err(failed(&path))?;
-            // The lock is useless without its folder; where it cannot be removed, it does no harm.
+            // A lock file without its folder has no effect, so an error of its removal is ignored.
             let _ = fs::remove_file(&lock);
             removed.push(path);
         }
@@ -124,7 +125,7 @@ impl WholeFolder {
             return Err(Error::Request(format!("{} is being written already: choose another folder", place.display())));
         }
         let made = WholeFolder { temporary, place, lock: Some(lock) };
-        // What a killed process with the same number left there must not become a part of the folder.
+        // An earlier process with the same process number may have been killed and have left files. They must not become part of the folder.
         if made.temporary.exists() {
             fs::remove_dir_all(&made.temporary).map_err(failed(&made.temporary))?;
         }
@@ -154,7 +155,7 @@ impl Drop for WholeFolder {
     fn drop(&mut self) {
         // Errors are ignored, because the temporary folder does not exist after `finish`. A folder that cannot be removed is left behind.
         drop(fs::remove_dir_all(&self.temporary));
-        // Some systems cannot remove a file that is open.
+        // The lock file is closed before it is removed, because some systems cannot remove an open file.
         drop(self.lock.take());
         drop(fs::remove_file(with(&self.temporary, LOCK_END)));
     }

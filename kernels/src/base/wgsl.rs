@@ -52,7 +52,7 @@ impl Wgsl {
         Wgsl { path, text, needs, constants: &[] }
     }
 
-    /// Returns this file with `constants` in place of its own constants.
+    /// Returns this file with its constants replaced by `constants`.
     #[must_use]
     pub const fn with(self, constants: &'static [(&'static str, Constant)]) -> Wgsl {
         Wgsl { constants, ..self }
@@ -94,7 +94,7 @@ impl Piece {
     }
 }
 
-/// Returns the pieces of a module that uses `roots`. The constants of the host stand before the file that uses them.
+/// Returns the pieces of a module that uses `roots`. The constants that the host passes to a file are a separate piece, directly before the file.
 pub fn pieces(roots: &[&'static Wgsl]) -> Vec<Piece> {
     let mut pieces = Vec::new();
     for file in closure(roots) {

@@ -1,10 +1,10 @@
-// Composition: computes the picture of any set of flavours from the G-buffers of single flavours. The G-buffer is linear in the flavours, except that
-// its normal is a unit vector, and the weights of a pixel follow from its distance, its normal and the set. So 31 variants cost five shading passes
-// and 31 weighted sums instead of 31 shading passes.
+// Composition: computes the picture of any set of flavours from the G-buffers of single flavours. The G-buffer of a set is a weighted sum of the
+// G-buffers of its flavours; only the normal must be normalised after the sum. The weights of a pixel follow from its distance, its normal and the
+// set. So 31 variants cost five shading passes and 31 weighted sums instead of 31 shading passes.
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
-    modulated: u32,         // 1 = the scene has colour modulation. Each flavour but vt counted a fetch for it; the sum counts one
+    modulated: u32,         // 1 = the scene has a colour modulation map. Each flavour but vt counts a fetch of the map; the composed count has one
     squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     lit: u32,               // 1 = the picture is lit and mapped to the display; 0 = it is linear albedo
 }
@@ -122,7 +122,8 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         if stream.lit != 0u {
             let surface = LightingSurface(albedo.rgb, albedo.a, octahedral_unit(normal_smoothness.xyz), normal_smoothness.w);
             let radiance = lighting_radiance(surface, normalize(ray));
-            // The encoding maps NaN to 0. A radiance that is not finite is kept, so that the pixel becomes invalid.
+            // The encoding would hide a radiance that is not finite, because it maps NaN to 0. Such a radiance is stored unencoded, so that the pixel
+            // becomes invalid.
             if usable_within_3(radiance, 3e38) {
                 colour = display_encode(radiance, shown);
             } else {

@@ -1,11 +1,11 @@
 //! Composition: computes the picture of any variant from the pictures of single flavours.
 //!
-//! The G-buffer of a variant is a weighted sum over flavours, except that its normal is a unit vector. The weights of a pixel follow only from its
-//! distance, its normal and the variant. So the G-buffers of all 31 variants follow from those of five flavours, by 31 weighted sums in place of 31
-//! shading passes. A composed picture is either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]), which is
-//! computed by the functions of the stages `lighting` and `display`. Composed albedo equals that of the variant's own shader up to one additional
-//! rounding to f16 (tested for all 31 variants, as are lit pictures). Fetches and first choices are composed, too. Times are not: they are measured
-//! with the pipelines of the variants.
+//! The G-buffer of a variant is a weighted sum over its flavours; only the normal must be normalised after the sum. The weights of a pixel follow
+//! only from its distance, its normal and the variant. So five shading passes and 31 weighted sums replace 31 shading passes. A composed picture is
+//! either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]). Lit pictures are computed by the functions of
+//! the stages `lighting` and `display`. Composed albedo equals the albedo of the variant's own shader up to one additional rounding to f16. Tests
+//! compare both signals for all 31 variants. Fetches and first choices are composed, too. Times are not: they are measured with the pipelines of the
+//! variants.
 //!
 //! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8
 //! x 8 tile.
@@ -32,7 +32,8 @@ use crate::view;
 pub struct CompositionStream {
     /// The variant forced on every pixel; 0 = each pixel has the flavours that it needs.
     pub mask: u32,
-    /// 1 = the scene has colour modulation. Every flavour except `vt` then counted one fetch for it; the sum counts only one.
+    /// 1 = the scene has colour modulation. Every flavour except `vt` then counts one fetch of the modulation map. The composed count includes only
+    /// one such fetch.
     pub modulated: u32,
     /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
@@ -41,7 +42,7 @@ pub struct CompositionStream {
 }
 
 impl CompositionStream {
-    /// Returns the same stream with the picture of a signal.
+    /// Returns this description with the picture of `signal`: albedo or lit.
     #[must_use]
     pub fn of(self, signal: Signal) -> CompositionStream {
         CompositionStream { lit: u32::from(signal == Signal::Lit), ..self }

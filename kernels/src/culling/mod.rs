@@ -4,8 +4,8 @@
 //! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
 //!
 //! Limits: culling tests only the frustum. `shared::culling` also has functions that test normal cones and occlusion. They are intended for culling
-//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid. A pyramid must have
-//! the level sizes of [`crate::shared::culling::level_size`], or visible patches are culled.
+//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid. A pyramid must
+//! have the level sizes of [`crate::shared::culling::level_size`], or visible patches are culled.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -23,7 +23,7 @@ pub const PATCH_QUADS: u32 = 16;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Patch {
-    /// South-west corner of the patch's *node* in local coordinates, metres.
+    /// South-west corner of the patch's *node*, in local coordinates: metres from the south-west corner of the camera's sector.
     pub node_origin: [f32; 2],
     /// Distance between neighbouring vertices, metres.
     pub spacing: f32,
@@ -42,9 +42,9 @@ pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: the vertex stride of all patches. The stride
-/// multiplies the distance between the vertices of a coarser neighbour, so log2 of `stride` is added to the delta of each side that has a
-/// coarser neighbour.
+/// Returns the packed LOD deltas of a patch, see [`Patch::deltas`]. Sides inside the node have the delta 0. `stride`: the vertex stride of all
+/// patches. With a stride above 1, the drawn vertices of a coarser neighbour are `stride` times as far apart. So log2 of `stride` is added to the
+/// delta of each side that has a coarser neighbour.
 pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);

@@ -22,8 +22,8 @@ pub struct Chromaticities {
 const BRADFORD: DMat3 =
     DMat3::from_cols(DVec3::new(0.8951, -0.7502, 0.0389), DVec3::new(0.2664, 1.7135, -0.0685), DVec3::new(-0.1614, 0.0367, 1.0296));
 
-/// Largest difference between a coordinate and that of Rec. 709 that counts as rounding. Files round differently; the other colour spaces
-/// in use differ by more.
+/// Largest difference from a coordinate of Rec. 709 that counts as rounding. Programs round the coordinates differently; the other colour
+/// spaces in use differ by more.
 const SAME: f32 = 1e-3;
 
 impl Chromaticities {

@@ -1,4 +1,4 @@
-//! Opens PNG and JPEG files: everything up to their pixels.
+//! Opens PNG and JPEG files: reads the header and the metadata. The caller then decodes the pixels.
 
 use std::io::{BufRead, Cursor, Seek};
 
@@ -11,9 +11,9 @@ use super::fault::Fault;
 use super::jpeg;
 use crate::base::error::one_line;
 
-/// A file whose header was read.
+/// A file whose header has been read.
 pub struct Opened<'a> {
-    /// Knows the size and the metadata, and decodes the pixels. It allocates at most 512 MiB.
+    /// Gives the size and the metadata, and decodes the pixels. It allocates at most 512 MiB.
     pub decoder: Box<dyn ImageDecoder + 'a>,
     /// What a PNG says about its colours; nothing for JPEG.
     pub colours: Colours,
@@ -23,7 +23,8 @@ pub struct Opened<'a> {
 ///
 /// # Errors
 /// [`Fault::Io`]: the operating system cannot read the file. [`Fault::Damaged`]: its header is damaged, or a JPEG is truncated.
-/// [`Fault::Unsupported`]: the format is neither PNG nor JPEG, or the decoder does not know a feature. [`Fault::TooLarge`]: a row of pixels is too large.
+/// [`Fault::Unsupported`]: the format is neither PNG nor JPEG, or the file uses a feature that the decoder does not support.
+/// [`Fault::TooLarge`]: a row of pixels is too large.
 pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Result<Opened<'a>, Fault> {
     let mut opened = match format {
         ImageFormat::Png => {
@@ -45,12 +46,13 @@ pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Res
     Ok(opened)
 }
 
-/// Converts an error of a decoder of pictures. The remedies are those for a picture.
+/// Converts an error of a decoder of pictures. The remedies in the text suit pictures, but not heightmaps.
 pub fn undecodable(error: ImageError) -> Fault {
     undecodable_with(error, "save it as 8- or 16-bit PNG", "resize it")
 }
 
-/// The same as [`undecodable`] with other remedies: for a feature that is not supported, and for a file that is too large.
+/// The same as [`undecodable`], but with other remedies. `unsupported` is the remedy for a feature that is not supported, `too_large` that
+/// for a file that is too large.
 pub fn undecodable_with(error: ImageError, unsupported: &str, too_large: &str) -> Fault {
     match error {
         ImageError::IoError(source) => Fault::of_io(source),
@@ -72,7 +74,8 @@ mod tests {
             let bytes = file.into_inner();
             let opened = open(Cursor::new(&bytes), format).unwrap_or_else(|fault| panic!("{fault}"));
             assert_eq!((opened.decoder.dimensions(), opened.colours), ((3, 2), Colours::default()), "{format:?}");
-            // The header of a PNG has 33 bytes. Its pixels are decoded later.
+            // All lengths are below 33 bytes, the length of signature and header of a PNG. A PNG that ends later can be opened, because its
+            // pixels are decoded later.
             for length in [0, 10, 30] {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }

@@ -16,7 +16,7 @@ const GAMMA_TOLERANCE: f64 = 0.05;
 const SRGB_PROFILES: [&str; 7] =
     ["sRGB", "sRGB IEC61966-2.1", "sRGB IEC61966-2-1", "sRGB IEC61966-2-1 black scaled", "sRGB built-in", "GIMP built-in sRGB", "sRGB2014"];
 
-/// The statements of a PNG file about its colours. An exponent or primaries that are those of sRGB are left out.
+/// The statements of a PNG file about its colours. An exponent or primaries that equal those of sRGB are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Colours {
     /// Codes are linear values to the power of this number.
@@ -37,9 +37,9 @@ pub struct CodePoints {
 }
 
 impl Colours {
-    /// Describes, for a message, the statement about colours that is not applied: code points other than those of sRGB, or an ICC profile.
-    /// `None` if there is none. `profile` is the ICC profile of the file. Code points take precedence over it (PNG, third edition, "Color
-    /// chunk precedence").
+    /// Describes, for a message, the statement about colours that no reader applies: code points other than those of sRGB, or an ICC
+    /// profile. `None` if there is no such statement. `profile` is the ICC profile of the file. Code points take precedence over a profile
+    /// (PNG, third edition, "Color chunk precedence").
     pub fn unapplied(&self, profile: Option<&[u8]>) -> Option<String> {
         match (&self.code_points, profile) {
             (Some(points), _) => (!points.is_srgb).then(|| points.text.clone()),

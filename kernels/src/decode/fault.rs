@@ -1,17 +1,17 @@
-//! Reasons why a file cannot be read. Each kind of reason has a sentence of its own, because the remedies differ.
+//! Reasons why a file cannot be read. Each kind of reason has a separate sentence, because the remedies differ.
 
 use std::fmt;
 use std::io;
 
-/// The reason why a file cannot be read. Its text is one sentence without the name of the file. Texts from decoders may contain
-/// control characters.
+/// The reason why a file cannot be read. Its text is one sentence without the name of the file. The text may contain control characters,
+/// because it can quote the file or a decoder.
 #[derive(Debug)]
 pub enum Fault {
     /// The operating system cannot read the file.
     Io(io::Error),
-    /// The file ends too early, or violates its format. The string says what is wrong, without a remedy.
+    /// The file ends too early, or violates its format. The string says what is wrong; the text form adds the remedy.
     Damaged(String),
-    /// The file is intact, but two of its statements exclude each other. The string gives both statements, without a remedy.
+    /// The file is intact, but two of its statements exclude each other. The string gives both statements; the text form adds the remedy.
     Contradictory(String),
     /// The file is intact, but of a kind that cannot be used, or it does not fit the options. The string says what is wrong,
     /// and gives the remedy.

@@ -27,8 +27,8 @@ pub use super::chromaticities::Chromaticities;
 /// Largest number of samples of a file, all parts and channels together: 8 GiB of f32.
 const MAX_SAMPLES: u64 = 1 << 31;
 
-/// Largest number of bytes of one decompressed block (a tile, or 1 to 256 rows). The crate allocates memory for as many bytes as a block
-/// claims to have, before it reads them.
+/// Largest number of bytes of one decompressed block (a tile, or 1 to 256 rows). The crate allocates memory for the size that the header
+/// states, before it reads the block.
 const MAX_BLOCK_BYTES: u64 = 1 << 28;
 
 /// Limits of the size of a file. They are checked before memory is allocated.
@@ -107,7 +107,7 @@ impl Channel {
     }
 }
 
-/// Channels of which some are chosen by their names.
+/// A list of channels in which channels are looked up by name.
 #[derive(Clone, Debug, Default)]
 pub struct Channels<'a>(
     /// The channels, in the order of the file.
@@ -115,34 +115,34 @@ pub struct Channels<'a>(
 );
 
 impl<'a> Channels<'a> {
-    /// The only channel for which `is` holds; None if there is none or more than one.
+    /// The only channel for which `is` returns true; None if there is none or more than one.
     fn only(&self, is: impl Fn(&Channel) -> bool) -> Option<&'a Channel> {
         let mut found = self.0.iter().copied().filter(|channel| is(channel));
         found.next().filter(|_| found.next().is_none())
     }
 
-    /// The channel with this base name; None if there is none or more than one. A name in the same case counts before names in another case, because
-    /// programs write R G B or r g b.
+    /// The channel with this base name; None if there is none or more than one. A name in the same case takes precedence over names in
+    /// another case. Both cases occur, because some programs write R G B and others r g b.
     pub fn with_base(&self, name: &str) -> Option<&'a Channel> {
         self.only(|channel| channel.base_name() == name).or_else(|| self.only(|channel| channel.base_name().eq_ignore_ascii_case(name)))
     }
 
-    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name, in any case, counts before base names: "Y" is
-    /// the channel "Y", even if there is a channel "mask.Y".
+    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name, in any case, takes precedence
+    /// over base names: "Y" is the channel "Y", even if there is a channel "mask.Y".
     pub fn named(&self, name: &str) -> Option<&'a Channel> {
         self.only(|channel| channel.name == name)
             .or_else(|| self.only(|channel| channel.name.eq_ignore_ascii_case(name)))
             .or_else(|| self.with_base(name))
     }
 
-    /// The only channel that is not alpha.
+    /// The only channel that is not alpha; None if there is none or more than one.
     pub fn single(&self) -> Option<&'a Channel> {
         self.only(|channel| !channel.is_alpha())
     }
 }
 
 impl Part {
-    /// All channels, to choose from them.
+    /// All channels, for look-ups by name.
     pub fn all(&self) -> Channels<'_> {
         Channels(self.channels.iter().collect())
     }
@@ -160,7 +160,8 @@ impl fmt::Display for Window {
     }
 }
 
-/// Reads all parts. `max_side`: largest edge of the two windows, pixels. It is checked before memory is allocated.
+/// Reads all parts. `max_side` is the largest allowed width and height of the data window and of the display window, pixels. It is checked
+/// before memory is allocated.
 ///
 /// # Errors
 /// See [`read_within`].
@@ -171,12 +172,13 @@ pub fn read(input: impl BufRead + Seek, max_side: u32) -> Result<Vec<Part>, Faul
 /// Reads all parts of a file whose windows are within the limits.
 ///
 /// # Errors
-/// One line without the name of the file. [`Fault::Unsupported`]: deep data, subsampled channels, HTJ2K compression, integers that f32 cannot hold.
-/// [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has more than 2^28 bytes. [`Fault::Damaged`]: the
-/// file contradicts itself or ends too early, a block is missing, or two channels have the same name.
+/// The text has one line, without the name of the file. [`Fault::Unsupported`]: deep data, subsampled channels, HTJ2K compression, integers
+/// that f32 cannot represent exactly. [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has
+/// more than 2^28 bytes. [`Fault::Damaged`]: the file contradicts itself or ends too early, a block is missing, or two channels have the
+/// same name.
 pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec<Part>, Fault> {
-    // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, an unknown compression would be
-    // reported as a missing one.
+    // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, the crate would report an unknown compression
+    // as a missing compression.
     let meta = MetaData::read_from_buffered(&mut input, true).map_err(fault)?;
     check(&meta.headers, limits)?;
     input.rewind().map_err(Fault::of_io)?;
@@ -184,8 +186,8 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
     let mut blocks = reader.filter_chunks(false, |_, tile, _| tile.is_largest_resolution_level()).map_err(fault)?;
     let headers = &meta.headers;
     let mut samples: Vec<Vec<Vec<f32>>> = vec![Vec::new(); headers.len()];
-    // There are as many entries in the table of blocks as there are blocks in the largest levels of all parts. So if no entry leads to the same block as
-    // another one, all blocks are there.
+    // For each block in the largest levels of all parts, the crate reads one entry of the table of blocks: the position of the block in the
+    // file. So if no two entries lead to the same block, all blocks are present.
     let mut known: HashSet<BlockIndex> = HashSet::new();
     while let Some(block) = blocks.read_next_chunk() {
         let block = block.map_err(fault)?;
@@ -206,7 +208,7 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
     Ok(headers.iter().zip(samples).map(|(header, samples)| part(header, samples)).collect())
 }
 
-/// Checks, from the headers alone, that all features are supported and that the limits are kept.
+/// Checks, from the headers alone, that all features are supported and that no limit is exceeded.
 fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
     let mut all_samples = 0_u64;
     for header in headers {
@@ -272,9 +274,9 @@ fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
 /// Refuses a block of DWAA or DWAB whose counters claim more data than its pixels can have. The crate allocates as much memory as
 /// the counters claim.
 ///
-/// Such a block begins with eleven little-endian u64. Counted from 0, the numbers 1, 6 and 7 are numbers of bytes after decompression, and
-/// 8 and 9 are numbers of 16-bit coefficients. The pixels of a channel are divided into squares of 8 x 8, which have at most 64
-/// coefficients each. Run lengths enlarge data by less than a factor of 2.
+/// Such a block begins with eleven little-endian u64. The elements with the indices 1, 6 and 7 are numbers of bytes after decompression.
+/// The elements 8 and 9 are numbers of 16-bit coefficients. A channel is divided into squares of 8 x 8 pixels, also at the edges of the
+/// block, and a square has at most 64 coefficients. Run-length coding enlarges data by less than a factor of 2.
 fn check_counters(block: &CompressedBlock, header: &Header) -> Result<(), Fault> {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Ok(());
@@ -366,18 +368,18 @@ fn part(header: &Header, samples: Vec<Vec<f32>>) -> Part {
     }
 }
 
-/// Converts a window of the crate, which has fewer than 2^31 pixels per side.
+/// Converts a window of the crate. The crate limits windows to fewer than 2^31 pixels per side.
 fn window(bounds: IntegerBounds) -> Window {
     let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     Window { position: [bounds.position.x(), bounds.position.y()], size: [side(bounds.size.width()), side(bounds.size.height())] }
 }
 
-/// A name in a file, which is UTF-8 or, in old files, Latin-1.
+/// Decodes a name in a file. It is in UTF-8 or, in old files, in Latin-1.
 fn text(name: &Text) -> String {
     String::from_utf8(name.as_slice().to_vec()).unwrap_or_else(|_| name.to_string())
 }
 
-/// The name of a compression that users know from the export dialogs of other programs.
+/// The name that the export dialogs of other programs show for a compression.
 fn name_of(compression: Compression) -> &'static str {
     match compression {
         Compression::Uncompressed => "NONE",
@@ -410,7 +412,7 @@ fn fault(error: Error) -> Fault {
         Error::Io(source) if source.kind() == ErrorKind::InvalidInput => damaged("a block of pixels lies outside the file"),
         Error::Io(source) => Fault::of_io(source),
         Error::Invalid(what) => damaged(&one_line(&what)),
-        // The crate returns this error only if its caller stops it, and this module never does.
+        // The crate returns this error only if its caller stops it, which this module never does.
         Error::Aborted => damaged("reading was stopped"),
     }
 }
@@ -473,7 +475,8 @@ mod tests {
         bytes
     }
 
-    /// Position of the table of blocks, in a file with this number of blocks: the first entry leads to the place after the table.
+    /// Position of the table of blocks, in a file with this number of blocks. The table is found by its first entry, which is the position
+    /// right after the table.
     fn table(bytes: &[u8], blocks: usize) -> usize {
         let is_table = |at: &usize| bytes.get(*at..*at + 8).is_some_and(|entry| entry == ((*at + 8 * blocks) as u64).to_le_bytes());
         (0..bytes.len()).find(is_table).expect("a table of blocks")
@@ -586,7 +589,8 @@ mod tests {
         };
         let whole = [0, 0, 2, 1];
         for name in ["dataWindow", "displayWindow"] {
-            // One more than the limit; the largest window of the crate; the largest window of the format, which the crate refuses.
+            // Corners are inclusive, so 0 to 100 is one pixel wider than the limit of 100. The second window is the largest one of the
+            // crate. The third is the largest one of the format, which the crate refuses.
             for corners in [[0, 0, 100, 1], [-1_000_000_000, 0, 1_000_000_000, 1], [i32::MIN, i32::MIN, i32::MAX, i32::MAX]] {
                 let text = read_all(&changed(small(), &window(name, whole), &window(name, corners))).unwrap_err();
                 assert!(text.contains("window") || text.contains("box") || text.contains("chunk count"), "{text}");
@@ -615,10 +619,11 @@ mod tests {
         let bytes = bytes_of(layer(None, (0, 0), (32, 32), encoding, &channels));
         let parts = read_all(&bytes).unwrap();
         assert_eq!(parts[0].lossy, Some("DWAA"));
-        // The error of DWAA is relative to the value; 1/16 is far above it.
+        // DWAA has an error that is relative to the value. The tolerance of 1/16 is far above this error.
         let red = parts[0].channel("R").expect("a channel R");
         assert!(red.samples.iter().enumerate().all(|(i, v)| (v - 0.25 - (i % 32) as f32 / 64.0).abs() < 0.0625), "{:?}", red.samples);
-        // After the table, which has 8 bytes for one block, the row and the length of the block take 8 bytes. The eleven numbers follow.
+        // The table has 8 bytes, because there is one block. The block begins with its row and its length, which take 8 bytes. The eleven
+        // numbers follow.
         let counters = table(&bytes, 1) + 8 + 8;
         for index in [1, 6, 7, 8, 9] {
             let mut claims = bytes.clone();
@@ -632,7 +637,7 @@ mod tests {
     fn missing_blocks_and_missing_bytes_are_noticed() {
         let bytes = small();
         let table = table(&bytes, 2);
-        // Both entries lead to the first row. Without the second row, its pixels would be 0.
+        // Both entries lead to the first row. If the reader did not notice it, the pixels of the second row would stay 0.
         let mut twice = bytes.clone();
         twice.copy_within(table..table + 8, table + 8);
         let text = read_all(&twice).unwrap_err();

@@ -93,7 +93,7 @@ static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("display", &[&WGSL]);
 
-/// The uniforms of the pass; the layout matches `DisplayUniforms` in `display.wgsl`.
+/// The uniforms of the pass; the layout matches `DisplayUniforms` in `encode.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

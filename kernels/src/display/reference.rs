@@ -1,4 +1,4 @@
-//! Tone mapping in f64 and f32: the reference for `display.wgsl`. Pictures that were averaged on the CPU are mapped by this reference, too.
+//! Tone mapping in f64 and f32: the reference for `encode.wgsl`. Pictures that were averaged on the CPU are mapped by this reference, too.
 
 use super::{Exposure, ToneCurve, WHITE};
 use crate::base::colour::{luminance, srgb_from_linear};

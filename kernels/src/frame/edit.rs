@@ -148,7 +148,8 @@ impl Renderer<'_> {
         let nodes = self.streaming.lay_anew(&self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
         self.edited.nodes += nodes;
         if nodes > 0 {
-            // The geometry pass reads the normal atlas. Its compressed texels also hold properties of the materials, so the pass must run again.
+            // The geometry pass reads the normal atlas. Its compressed blocks store smoothness and specular occlusion together with the y of the
+            // normal. So a change of the materials also changes the decoded normals slightly, and the pass must run again.
             self.drawn = None;
         }
     }

@@ -180,7 +180,7 @@ impl<'a> Renderer<'a> {
         &self.gpu
     }
 
-    /// Elevation of the drawn ground, metres.
+    /// Elevation of the drawn ground at the world position (`x`, `y`), metres.
     pub fn ground_m(&self, x: f64, y: f64) -> f64 {
         self.world.surface_height_m(x, y)
     }
@@ -315,7 +315,7 @@ impl<'a> Renderer<'a> {
         let mut sections = vec![
             Section {
                 name: "Nodes and patches",
-                about: "Quadtree and culling: nodes are visited from the coarsest down, and each node drawn is cut into patches of 16 x 16 quads",
+                about: "Quadtree and culling: nodes are visited from the coarsest down, and each drawn node is divided into 8 x 8 patches of 16 x 16 quads",
                 rows: vec![
                     row("Nodes visited", drawn.visited.len()),
                     row("Nodes drawn", drawn.nodes.len()),
@@ -324,7 +324,7 @@ impl<'a> Renderer<'a> {
             },
             Section {
                 name: "Atlas",
-                about: "Residency: each visited node has a slot; if no slot is free, the least recently used node is replaced",
+                about: "Residency: each visited node is stored in a slot (array layer) of the atlases; if no slot is free, the least recently used node is replaced",
                 rows: vec![
                     row("Slots used", format!("{} of {}", atlas.resident, atlas.capacity)),
                     row("Nodes loaded for this frame", loaded),
@@ -371,7 +371,7 @@ impl<'a> Renderer<'a> {
     }
 
     /// Makes a meter, which measures how the pictures of this renderer change over frames. It follows one stream of pictures for each entry of
-    /// `tracks`. `viewing`: how the pictures are looked at, if their errors are to be measured against a reference sequence.
+    /// `tracks`. `viewing`: the viewing conditions, if errors are to be measured against a reference sequence.
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.

@@ -98,7 +98,7 @@ pub struct Outputs {
     pub lit: bool,
     /// Whether the lit picture is also tone-mapped for people to look at, with the settings of the stage `display`.
     pub displayed: bool,
-    /// Whether each variant is shaded and timed in a pass of its own. It is off when the shading pass is timed as a whole.
+    /// Whether each variant is shaded and timed in a pass of its own. If not, one pass shades all variants, and only its total time is measured.
     pub time_variants: bool,
     /// Whether the geometry of the last frame is reused instead of drawn again, if its [`GeometryKey`] is the same. This saves time if one view is
     /// drawn with many seeds or variants.

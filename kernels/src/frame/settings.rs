@@ -42,9 +42,10 @@ table! {
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
         /// Shade with one generic pipeline, which reads the flavours of each tile at run time, instead of one pipeline per variant.
         generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
-        /// How the flavours near cliff, far cliff and splat compute their values.
+        /// Method by which near cliff, far cliff and splat blend materials. `fc5` chooses at random as Far Cry 5 does, `exact` is the mean of these
+        /// choices; the others are alternatives from the literature.
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
-        /// Source of the random numbers.
+        /// Pattern of the random numbers that decide which material and which projection a pixel takes.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
         /// How the geometry pass stores the shading normal of a pixel and the plane of its triangle. Derivatives are computed on this plane.
         normals: NormalEncoding = NormalEncoding::Octahedral, "", Kind::Name(|| NormalEncoding::ALL.map(NormalEncoding::name).to_vec()),
@@ -53,7 +54,7 @@ table! {
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
         /// Give each frame a seed of its own: the seed plus the frame's number.
         reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed per frame");
-        /// Blend full splat at two tiling scales, which takes 96 fetches.
+        /// Evaluate full splat at two tiling scales and blend both: 96 fetches instead of 48.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
         /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
@@ -64,7 +65,7 @@ table! {
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// What gets a variant of its own: each tile of the screen, or each patch of the terrain.
+        /// The area for which a variant is chosen: each tile of the screen, or each patch of the terrain.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }
@@ -130,8 +131,8 @@ impl FrameSettings {
         settings::check(settings(), self)
     }
 
-    /// Returns these settings with one difference: exposure and tone curve have the values of `other`. They change how a picture is displayed, not what
-    /// is rendered.
+    /// Returns these settings with one difference: exposure and tone curve have the values of `other`. They change how a picture is displayed, not
+    /// what is rendered.
     #[must_use]
     pub fn looked_at_as(mut self, other: &FrameSettings) -> FrameSettings {
         self.stages.display = other.stages.display;

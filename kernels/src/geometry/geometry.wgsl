@@ -18,8 +18,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // Position relative to the camera. The fragment shader takes its derivatives, which are small differences. Elevations above sea level would be
-    // too coarse for that: in f32, an elevation of some kilometres is precise only to tenths of a millimetre.
+    // Position relative to the camera, metres. The fragment shader takes its derivatives, which are small differences. Elevations above sea level
+    // would be too coarse for that: in f32, an elevation of some kilometres is precise only to tenths of a millimetre.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,
@@ -36,9 +36,10 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     var drawn = at;
     var in_node = vec2<f32>(index);
     if HAS_EDGE {
-        // A vertex beyond the data is drawn at the nearest point of the data; the atlas holds the height there. This comes after stitching and
-        // depends on the position alone, so nodes on both sides of a border move their common vertices to the same place. Triangles beyond the data
-        // keep no area, except those that stitching stretches into the data, which close the gap to a coarser node.
+        // A vertex beyond the data is drawn at the nearest point of the data; the atlas stores the height of that point for the vertex. The move
+        // comes after stitching and depends only on the position, so nodes on both sides of a border move their common vertices to the same place.
+        // Triangles beyond the data collapse to zero area. The exception are triangles that stitching stretches into the data: they close the gap to
+        // a coarser node.
         drawn = clamp(at, frame.data_low, frame.data_high);
         in_node += (drawn - at) / p.spacing;
     }

@@ -64,7 +64,7 @@ pub struct Geometry {
     indices: [(wgpu::Buffer, u32); STRIDES.len()],
 }
 
-/// What the ground of a scene has, and its pipeline therefore does.
+/// Features of the ground of a scene for which the pipeline needs additional code.
 #[derive(Clone, Copy)]
 struct Ground {
     has_holes: bool,

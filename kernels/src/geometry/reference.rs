@@ -13,7 +13,8 @@ pub fn weld(index: u32, delta: u32) -> u32 {
     if index - below <= step / 2 { below } else { below + step }
 }
 
-/// Moves a vertex of a node to a vertex of the coarser neighbours. `deltas`: packed LOD deltas (north << 12 | east << 8 | south << 4 | west).
+/// Moves a vertex on the border of a node to the nearest vertex of the coarser neighbour beyond that border. Other vertices stay. `deltas`: packed
+/// LOD deltas (north << 12 | east << 8 | south << 4 | west).
 pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     let last = u32::from(crate::world::NODE_QUADS);
     let [x, y] = index;
@@ -34,8 +35,8 @@ pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     [weld(x, along_x), weld(y, along_y)]
 }
 
-/// Horizontal position at which vertex `index` (0..=128, already stitched) of a node is drawn, world metres: in its node, and moved to the edge of
-/// the data if it lies beyond.
+/// Horizontal position at which vertex `index` (0..=128, already stitched) of a node is drawn, world metres. A vertex beyond the data is drawn at the
+/// nearest point of the data.
 pub fn place(world: &World, node: NodeId, index: [u32; 2]) -> DVec2 {
     let layout = world.layout();
     let at = node.origin_m(layout) + DVec2::from_array(index.map(f64::from)) * layout.spacing_m(node.lod);

@@ -117,8 +117,8 @@ fn summary(complaint: &str) -> String {
     if details.is_empty() { what.to_owned() } else { format!("{what} ({})", details.join("; ")) }
 }
 
-/// Returns the file, and the line in this file, from which line `line` of the concatenation comes. Lines count from 1. For a line beyond the end,
-/// returns the last line of the last file.
+/// Converts line `line` of the concatenation to a file and a line in that file. Lines count from 1. For a line beyond the end, returns the last line
+/// of the last file.
 fn locate(pieces: &[Piece], line: usize) -> (&str, usize) {
     let mut left = line;
     let mut end: (&str, usize) = ("?", line);

@@ -24,7 +24,7 @@ const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "grave
 
 /// Largest depth of the sub-folders that are searched.
 const MAX_DEPTH: usize = 16;
-/// Largest number of files and folders. A folder that holds more was probably given by mistake.
+/// Largest number of files and folders below the folder of materials. A folder that contains more was probably given by mistake.
 const MAX_ENTRIES: usize = 100_000;
 /// Largest number of lines of one kind, such as `refused`, in the text of a survey.
 const MOST_LINES: usize = 50;
@@ -112,13 +112,13 @@ impl fmt::Display for Tile {
 /// Returns an error if the user wants to stop.
 ///
 /// # Errors
-/// [`Error::Request`].
+/// [`Error::Request`]: the user wants to stop.
 pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
     if stopped() { Err(Error::Request("stopped; nothing was written".to_owned())) } else { Ok(()) }
 }
 
-/// Finds the materials in a folder and its sub-folders, and reads all their maps. A sub-folder may hold one material, or several that differ by the
-/// beginning of the names of their files. Links are followed, but no folder is read twice.
+/// Finds the materials in a folder and its sub-folders, and reads all their maps. A sub-folder may contain one material, or several
+/// materials, which the names of the files tell apart. Links are followed, but no folder is read twice.
 ///
 /// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
 /// are listed as unused, except texts, which are kept with the materials.
@@ -126,8 +126,8 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///
 /// # Errors
-/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a scene can have;
-/// the user stopped.
+/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a
+/// scene can have; or the user stopped.
 pub fn survey(folder: &Path, stopped: &dyn Fn() -> bool) -> Result<MaterialSurvey> {
     // An error in a sub-folder is listed, but the folder itself must be readable.
     drop(fs::read_dir(folder).map_err(|source| Error::File { file: shown(folder).into(), source })?);
@@ -159,8 +159,8 @@ pub fn survey(folder: &Path, stopped: &dyn Fn() -> bool) -> Result<MaterialSurve
     Ok(MaterialSurvey { folder: folder.to_owned(), found, refused, unused })
 }
 
-/// Copies the images and texts of the materials into `materials/` of a scene folder, each material into a folder of its own, and returns the materials
-/// for the scene file.
+/// Copies the images and texts of the materials into `materials/` of a scene folder, each material into a separate folder. Returns the
+/// materials for the scene file.
 ///
 /// # Errors
 /// The errors of [`MaterialSurvey::check`]; [`Error::File`] if copying fails.
@@ -311,7 +311,8 @@ struct Walk {
     /// Canonical paths of the folders that were read.
     visited: BTreeSet<PathBuf>,
     entries: usize,
-    /// Links to folders, and their depth. They are followed last, so that a folder gets its own name and not the name of a link.
+    /// Links to folders, and their depth. They are followed last, so that a folder below the root is read under its own path even if a link
+    /// leads to it, too.
     links: VecDeque<(PathBuf, usize)>,
     places: Vec<Place>,
     refused: Vec<Refused>,
@@ -379,9 +380,9 @@ impl Walk {
     }
 }
 
-/// The name of a material: usually the name of its folder. If the folder holds several materials or has a general name such as `textures`,
-/// the name in the names of the files is used instead. If they state none, a folder with a general name is replaced by its parent folder.
-/// `folder` is a canonical path.
+/// The name of a material: usually the name of its folder, whose canonical path is `folder`. If the folder contains several materials or
+/// has a general name such as `textures`, the name is taken from the albedo file instead, such as `rock` from `rock_albedo.png`. If the
+/// file name contains no name of a material, a general name is replaced by the name of the parent folder.
 fn name_of(folder: &Path, set: &Set, is_only: bool) -> String {
     let name = |folder: &Path| folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let own = name(folder);
@@ -407,7 +408,7 @@ fn safe(name: &str) -> String {
 }
 
 /// Makes the names unique, even on systems that do not distinguish upper and lower case. A name that occurs more than once is replaced by
-/// the path to the folder; if it still occurs, a number is appended.
+/// the path to the folder. If a path also occurs more than once, a number is appended.
 fn make_unique(root: &Path, places: &mut [Place]) {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for place in places.iter() {
@@ -463,7 +464,8 @@ impl Place {
     }
 }
 
-/// Returns a remark if the normals contradict the slopes of the heights. Usually, the convention of the normal map was then misinterpreted.
+/// Returns a remark if the normals contradict the slopes of the heights. The usual reason is a wrong convention of the normal map, OpenGL
+/// or DirectX.
 fn opposition(maps: &MaterialMaps, reading: Reading) -> Option<String> {
     let size = maps.size as usize;
     let height = |column: usize, row: usize| maps.height.get(row % size * size + column % size).copied().map_or(0.0, f64::from);

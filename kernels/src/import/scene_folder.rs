@@ -58,8 +58,8 @@ pub struct Understood {
 /// `stopped`: called several times; returns whether the user wants to stop.
 ///
 /// # Errors
-/// The errors of [`read`]; [`Error::Heightmap`] if there are too many samples without data for holes; [`Error::Request`] if `detail_m` is negative, or
-/// if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
+/// The errors of [`read`]; [`Error::Heightmap`] if there are too many samples without data for holes; [`Error::Request`] if `detail_m` is
+/// negative, or if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
 pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {
@@ -215,7 +215,7 @@ impl Understood {
         };
         scene.rules = rules_for(&scene.materials, [low, high], scene.flavours.cliff_slope_deg.min(60.0).min(steepest.max(10.0)));
         go_on()?;
-        // The cameras must stand on the ground of the written file, whose heights are quantised.
+        // The cameras are placed on the ground of the written file, whose heights are quantised.
         let world = World::new(&scene)?;
         check_repeats(&scene.materials, world.layout().sector_m)?;
         scene.cameras = viewpoints::find(&world, &scene);
@@ -276,8 +276,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
     let mut rules = Vec::new();
     for role in [Role::Green, Role::Soil, Role::Rubble, Role::Rock, Role::Snow] {
         for (nth, material) in materials.iter().filter(|m| Role::of(&m.name) == role).enumerate() {
-            // The first vegetation, rock and snow have no noise, so each of them covers all ground of its role. Every other material lies in patches;
-            // `noise_m` gives their size, `noise_cover` the share of the ground that they cover.
+            // The first material of vegetation, of rock and of snow has no noise, so it covers all ground of its role. Every other material
+            // occurs in patches; `noise_m` gives their size, `noise_cover` the share of the ground that they cover.
             let (noise_m, noise_cover) = match (role, nth) {
                 (Role::Green | Role::Rock | Role::Snow, 0) => (0.0, 0.5),
                 (Role::Soil, 0) => (35.0, 0.22),

@@ -128,7 +128,8 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
             return None;
         }
         near = t;
-        // Ground is rarely steeper than 60 degrees, so about half the gap is a safe step. Far away, coarse steps are enough.
+        // `gap` is the vertical distance to the ground. Ground is rarely steeper than 60 degrees, so about half of `gap` is a safe step.
+        // Far away, coarse steps are enough.
         t += (0.45 * gap).max(0.6).max(0.012 * t);
     }
     None
@@ -188,7 +189,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
     for wall in thin(walls, 50) {
         let slope = wall.gradient[0].hypot(wall.gradient[1]);
         let uphill = wall.gradient.map(|g| g / slope);
-        // Go down from the wall to the first ground that is flat enough to stand on.
+        // Go down from the wall to the first ground whose slope is clearly below that of walls.
         let foot = (2..40).map(|i| 2.0 * f64::from(i)).find_map(|d| {
             let place = place_at(world, wall.x - uphill[0] * d, wall.y - uphill[1] * d);
             (place.slope_deg < steep_deg * 0.8).then_some(place)
@@ -202,7 +203,8 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Six octaves of distance, from 5 to 320 m. The score of an octave grows with its number of hits until they fill a ninth of the picture.
+        // Six octaves of distance, from 5 to 320 m. The score of an octave grows with the number of rays that hit a wall in it, up to a
+        // ninth of all rays.
         let mut bins = [0.0f64; 6];
         let hits = fan(world, *pose, 11, 6, 320.0);
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / hits.len() as f64;
@@ -236,7 +238,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Share of each class of material in the visible ground; near ground has more samples.
+        // Share of each class of material in a fan of points on the ground in front of the camera. Near ground has more points.
         let mut share = [0.0f64; 4];
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {

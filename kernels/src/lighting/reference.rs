@@ -1,4 +1,4 @@
-//! Lighting in f64 and f32: the reference for `lighting.wgsl`, written from the publications.
+//! Lighting in f64 and f32: the reference for `light.wgsl`, written from the publications.
 
 use crate::shared::brdf;
 use crate::shared::octahedral;

@@ -27,12 +27,12 @@ pub const MAX_MATERIALS: usize = 256;
 /// require this limit: the format has 24 fractional bits and counts whole repeats modulo 256.
 pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
-/// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
+/// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask has an effect.
 pub const FLAG_TINTED: u32 = 1;
 
-/// Position of the lowest of the 3 bits in [`PaletteEntry::flags`] that hold the number of a layer, 0..=7. This layer represents the material in the
-/// estimator `luna8`, which blends eight layers. The first eight materials have layers of their own. Any other material is represented by the layer
-/// with the nearest mean albedo.
+/// Position of the lowest of the 3 bits in [`PaletteEntry::flags`] that hold the number of a layer, 0..=7. This layer represents the
+/// material in the estimator `luna8`, which blends eight layers. Each of the first eight materials is a layer. Any other material is
+/// represented by the layer with the nearest mean albedo.
 pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
@@ -167,7 +167,8 @@ struct Texture {
 /// Seed of all procedural materials. It is constant, because textures must not change with the seed of the world.
 const TEXTURE_SEED: u32 = 5;
 
-/// Largest number of sources whose uncompressed maps are in memory at the same time. The maps of one source with 2048² texels take about 170 MB.
+/// Largest number of sources whose uncompressed maps are in memory at the same time. The maps of one source with 2048² texels take about
+/// 150 MB.
 pub(crate) const SOURCES_AT_ONCE: usize = 4;
 
 /// The source of a set of maps. Materials with equal sources share a layer.

@@ -335,7 +335,7 @@ impl Bench {
         Field { n: self.n, v: sum }
     }
 
-    /// Fractal noise, about -1..1 for a gain of 0.5.
+    /// Fractal noise, about -1..1: the amplitude of each octave is half that of the previous one.
     fn fbm(&self, waves: u32, count: u32, salt: u32) -> Field {
         let mut f = self.octaves([waves, waves], count, 0.5, salt, |x| x);
         f.v.iter_mut().for_each(|x| *x *= 0.7);
@@ -389,8 +389,8 @@ impl Bench {
         out
     }
 
-    /// Elements on a jittered grid of `across` x `across` cells, so that they cover the ground evenly. Each element has a position and
-    /// random numbers of its own.
+    /// Elements on a jittered grid of `across` x `across` cells, so that they cover the ground evenly. Each element has a position and a
+    /// separate sequence of random numbers.
     fn scatter(&self, across: u32, salt: u32) -> impl Iterator<Item = ([f32; 2], Dice)> {
         (0..across * across).map(move |i| {
             let mut dice = self.dice(salt, i);
@@ -599,7 +599,8 @@ enum StripKind {
 impl Strip {
     /// The stamp of this strip, with the root at `root`.
     fn stamp(self, root: [f32; 2]) -> Stamp<Strip> {
-        // A parabola lies inside the triangle of its two ends and its middle control point.
+        // The centre line is a parabola. It lies inside the triangle of its two ends and its middle control point, so the box of this
+        // triangle contains it.
         let extent = |c: usize, sign: f32| {
             let across = [-self.direction[1], self.direction[0]][c];
             let end = self.length * (self.direction[c] + self.bend * across);
@@ -651,7 +652,7 @@ fn warp(bench: &Bench, waves: u32, salt: u32) -> [Field; 2] {
     [bench.fbm(waves, 4, salt), bench.fbm(waves, 4, salt + 1)]
 }
 
-/// Facets: each cell is a tilted plane with its own offset, about -1..1.
+/// Facets: each cell is a tilted plane with a random offset in -1..1. `tilt` is the slope, per cell.
 fn facet(cells: &Cells, i: usize, tilt: f32) -> f32 {
     let id = cells.id[i];
     let (sin, cos) = (unit(id.wrapping_mul(0x9e37_79b1)) * TAU).sin_cos();

@@ -88,7 +88,7 @@ impl Point {
     }
 }
 
-/// Statistics of a region.
+/// Statistics of the surface points in a region of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Number of pixels with terrain.
@@ -145,7 +145,7 @@ impl Followed {
         (self.size, self.compared) = (size, compared);
     }
 
-    /// Forgets all pictures.
+    /// Discards all pictures and their statistics.
     pub fn reset(&mut self) {
         *self = Followed::default();
     }

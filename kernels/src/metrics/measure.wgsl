@@ -8,16 +8,17 @@ struct MeasureFrame {
     slot: u32,                  // index in `signal` at which the picture of this frame begins
     lags: u32,                  // number of earlier frames, 0..=4
     quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histograms and lags 2 to 4
-    referenced: u32,            // number of frames, 0..=5, from this one back, whose reference pictures `reference` holds
+    referenced: u32,            // number of frames, 0..=5, whose picture `reference` contains; counted back from this frame without a gap
     past_slots: vec4<u32>,      // index in `signal` at which the picture of each earlier frame begins
     memory_slot: u32,           // index in `memory` at which this frame begins
-    memory_before: u32,         // index in `memory` at which the frame before begins
+    memory_before: u32,         // index in `memory` at which the previous frame begins
     adaptation: f32,            // share of a new frame in the remembered error, 0..1; see `measure_remember`
     pad_0: u32,
 }
 
-// Sums of a tile. A count is at most 64. A *change* is the luminance of a pixel minus that of the linked pixel, dY, or the same of the reference
-// sequence, dR. The error of a pixel is its luminance minus that of the reference, so dY - dR is the change of the error.
+// Sums of a tile. A count is at most 64. A *change* is the luminance of a pixel minus the luminance of the linked pixel: dY in the stream, dR in the
+// reference sequence. The error of a pixel is its luminance in the stream minus its luminance in the reference sequence, so dY - dR is the change of
+// the error.
 struct MeasureTile {
     // For each lag, four counts: linked pixels | linked pixels with a choice in both frames << 8 | pixels whose two choices differ << 16 | linked
     // pixels whose error is known in both frames << 24.
@@ -32,7 +33,7 @@ struct MeasureTile {
     products: vec4<f32>,
     terrain: u32,
     fetches: u32,
-    // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects it if it lies outside the box of the current
+    // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects a history outside the box of the current
     // colours of the 3 x 3 pixels around the pixel. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
     rejections: u32,
     // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
@@ -51,11 +52,13 @@ struct MeasureTile {
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> tiles: array<MeasureTile>;
-// Two histograms at lag 1: of |dY|, and from MEASURE_BINS on of |dY - dR|. 16 bins per octave; the first bin also holds all values below 2^-14.
+// Two histograms at lag 1: of |dY| in the first MEASURE_BINS bins, of |dY - dR| in the other bins. 16 bins per octave; the first bin of each
+// histogram also counts all values below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 512>;
 // The pictures of the reference sequence, in the same slots as those of the stream.
 @group(1) @binding(3) var<storage, read> reference: array<vec2<u32>>;
-// What an eye remembers of the error of each surface point, and the number of frames that this comprises; two slots.
+// For each pixel, the remembered error of its surface point (see `measure_remember`), and the number of frames in it. Two slots: this frame and the
+// previous frame.
 @group(1) @binding(4) var<storage, read_write> memory: array<vec2<f32>>;
 
 // Tolerance of the box test, as a share of the bounds of the box: 2^-10. The history and the bounds are f16 values. Rounding changes each of them by
@@ -151,8 +154,9 @@ fn measure_residual(sum: MeasureResidual, change: MeasureChange) -> MeasureResid
     );
 }
 
-// Updates what an eye that follows the surface remembers of its error: an exponential mean over time. While the point has been visible in only n
-// frames, and 1/n exceeds `adaptation`, it is the mean of these frames. It starts again where there is no link.
+// Updates the remembered error of a pixel's surface point. It models an eye that follows the surface, as an exponential mean of the error over time:
+// a new frame has the weight `adaptation`. In the first n frames of a point, as long as 1/n exceeds `adaptation`, the weight is 1/n instead, so the
+// result is the plain mean of these frames. The mean starts again where there is no link.
 fn measure_remember(at: u32, now: MeasureSeen) {
     if !now.known {
         memory[measure.memory_slot + at] = vec2<f32>(0.0);
@@ -218,8 +222,8 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own, because a
-    // processor that runs its lanes in lockstep would pay for a branch in the loop above at all pixels.
+    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own. With a branch
+    // in the loop above, a processor that runs its lanes in lockstep would execute this code for all pixels.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
             let x = motion_of_quarter(first, y, measure.quarter);

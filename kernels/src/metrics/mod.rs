@@ -6,8 +6,9 @@
 //! the current picture of each stream is compared with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow
 //! with the number of frames.
 //!
-//! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change,
-//! and it keeps what an eye remembers of the stream's error ([`Meter::memory`], [`perceived`]).
+//! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
+//! It then also keeps the remembered error of each surface point: an exponential mean over time, which models the eye ([`Meter::memory`],
+//! [`perceived`]).
 //!
 //! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
 
@@ -98,7 +99,7 @@ pub struct LagSums {
 
 /// Comparison of the changes of a stream with the changes of the reference sequence, as sums over pixels. A change is the luminance of a pixel minus
 /// that of the linked pixel: dY in the stream, dR in the reference. dY - dR is then the change of the stream's error. Luminance is the relative
-/// luminance of linear albedo or, for lit pictures, the luma of display values, 0 to 1; squares are in its square.
+/// luminance of linear albedo or, for lit pictures, the luma of display values, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
     /// Number of linked pixels whose reference is known in both frames.
@@ -126,7 +127,7 @@ impl Residual {
         self.product += other.product;
     }
 
-    /// Returns these sums without those of some of the pixels.
+    /// Subtracts `other`, the sums of some of the pixels.
     #[must_use]
     pub fn without(&self, other: &Residual) -> Residual {
         Residual {
@@ -162,8 +163,8 @@ impl Residual {
         self.per_pixel((self.change_square - explained).max(0.0)).map(f64::sqrt)
     }
 
-    /// Change that the reference has and the stream has not, such as blur: (1 - g) times the root mean square of dR. Below 0 if the stream exaggerates
-    /// the changes of the reference. `None` without compared pixels.
+    /// Change that the reference has and the stream has not, such as blur: (1 - g) times the root mean square of dR. Below 0 if the stream
+    /// exaggerates the changes of the reference. `None` without compared pixels.
     pub fn lost(&self) -> Option<f64> {
         self.per_pixel(self.reference_square).map(|square| (1.0 - self.gain()) * square.sqrt())
     }
@@ -184,9 +185,9 @@ pub struct FrameSums {
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
-    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier; the test
-    /// rejects it if it lies outside the box of the current colours of the 3 x 3 pixels around the pixel. Only those pixels of one quarter
-    /// are tested that are linked at lag 1. Each frame uses a different quarter.
+    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier. The test rejects a
+    /// history outside the box of the current colours of the 3 x 3 pixels around the pixel. Tested are the pixels of one quarter that are linked at
+    /// lag 1. Each frame uses a different quarter.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
@@ -263,10 +264,10 @@ pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     None
 }
 
-/// What a stream consists of.
+/// The kind of pictures that a stream consists of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Track {
-    /// The quantity that the colours of the pictures stand for.
+    /// The quantity that the pictures show: albedo, or the lit picture.
     pub signal: Signal,
     /// The resolve that is applied to the shaded pictures before they are measured.
     pub resolve: Resolve,
@@ -276,13 +277,14 @@ pub struct Track {
 pub struct Stream {
     /// The ring of shaded pictures, before any resolve.
     pub signal: wgpu::Buffer,
-    /// What the pictures are.
+    /// The signal of the pictures and the resolve that is applied to them.
     pub track: Track,
-    /// The ring of resolved pictures, and a buffer with two histories of the resolve; `None` without a resolve.
+    /// The ring of resolved pictures, and a buffer with the previous and the new history of the resolve; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
     tiles: wgpu::Buffer,
     histogram: wgpu::Buffer,
-    /// What an eye remembers of the error of each surface point, in two slots; empty without a reference.
+    /// The remembered error of each surface point (see [`Meter::memory`]), in two slots: this frame and the previous frame. Without a reference, the
+    /// buffer has one unused element.
     memory: wgpu::Buffer,
 }
 
@@ -325,8 +327,8 @@ static WGSL: Wgsl = Wgsl::new("metrics/measure.wgsl", include_str!("measure.wgsl
 pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
-    /// Compiles the passes and allocates one stream for each entry of `tracks`. `viewing`: how the pictures are looked at, if their errors are to be
-    /// measured against a reference sequence. The pictures of that sequence must then be written in each frame ([`Meter::write_reference`]).
+    /// Compiles the passes and allocates one stream for each entry of `tracks`. `viewing`: the viewing conditions, if errors are to be measured
+    /// against a reference sequence. The pictures of that sequence must then be written in each frame ([`Meter::write_reference`]).
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
@@ -355,7 +357,8 @@ impl Meter {
         let [columns, rows] = classification::tiles(size);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let ring = |label| gpu.buffer(label, usage, pixels * u64::from(SLOTS) * 8);
-        // A binding cannot be empty. What needs a reference has one element where there is none; the shader then does not access it.
+        // A binding cannot be empty. So without a reference sequence, the buffers for remembered errors and for reference pictures have one element,
+        // which the shader does not access.
         let of_error = |bytes: u64| if viewing.is_some() { bytes } else { 8 };
         let streams = tracks
             .iter()
@@ -393,7 +396,7 @@ impl Meter {
         })
     }
 
-    /// Offsets in the rings: of the pictures of this frame, and of the pictures of the earlier frames.
+    /// Offsets in the ring buffers, pixels: of the picture of this frame, and of the pictures of the earlier frames.
     pub fn slots(&self) -> Slots {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
@@ -494,7 +497,7 @@ impl Meter {
         Ok(sums)
     }
 
-    /// Offsets of this frame and of the frame before in the buffers of remembered errors, pixels.
+    /// Offsets of this frame and of the previous frame in the buffers of remembered errors, pixels.
     fn memory_slots(&self) -> [u32; 2] {
         [self.index, self.index + 1].map(|index| index % 2 * self.size[0] * self.size[1])
     }
@@ -506,7 +509,7 @@ impl Meter {
         self.written[signal as usize] = true;
     }
 
-    /// Returns a picture of the reference sequence. `back`: the number of frames, 0 to 4, by which it precedes the last measured one. Must only be
+    /// Returns a picture of the reference sequence. `back`: the number of frames, 0 to 4, by which it precedes the last measured frame. Must only be
     /// called for frames whose reference picture was written.
     ///
     /// # Errors
@@ -517,8 +520,9 @@ impl Meter {
         read_signal(gpu, &self.references[signal as usize], slot, pixels)
     }
 
-    /// Returns what an eye remembers of the error of each pixel's surface point, in the last measured frame of a stream: the remembered error, and the
-    /// number of frames that it comprises; 0 = there is no terrain or no reference. Row by row from the top; empty if the meter measures no errors.
+    /// Returns the remembered errors of a stream after the last measured frame, row by row from the top. The remembered error of a pixel is the
+    /// exponential mean, over time, of the error of its surface point ([`perceived`]). Each entry is this mean and the number of frames in it; 0
+    /// frames = there is no terrain or no reference. Empty if the meter measures no errors.
     ///
     /// # Errors
     /// When the device is lost.
@@ -533,7 +537,8 @@ impl Meter {
         Ok(words.into_iter().map(|words| words.map(f32::from_bits)).collect())
     }
 
-    /// Returns a measured picture of a stream, as signals. `back`: the number of frames, 0 to 4, by which the picture precedes the last measured one.
+    /// Returns a measured picture of a stream, as signals. `back`: the number of frames, 0 to 4, by which the picture precedes the last measured
+    /// frame.
     ///
     /// # Errors
     /// When the device is lost.

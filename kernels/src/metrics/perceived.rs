@@ -1,17 +1,20 @@
-//! Perceived noise: the part of an error that an eye sees which follows the surface.
+//! Perceived noise: the part of an error that is visible to an eye that follows the surface.
 //!
 //! In time, the eye is modelled by an exponential mean of the error along the motion of the surface (smooth pursuit), with a time constant of
-//! [`TIME_CONSTANT_S`]. `measure.wgsl` computes it: `m = (1 - a) m_before + a e`, see [`Viewing::adaptation`]. In space, it is modelled by the
-//! difference of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
+//! [`TIME_CONSTANT_S`]. `measure.wgsl` computes this mean m in each frame: `m = (1 - a) m_before + a e`, where e is the error in the frame and a is
+//! [`Viewing::adaptation`]. In space, the eye is modelled by the difference of two Gaussians, so that an error that is the same everywhere does not
+//! count. Perceived noise is the root mean square of the result.
 //!
-//! Closed forms, tested: an error that is fixed to the surface keeps its spatially filtered root mean square. Errors that are independent from frame
-//! to frame are reduced by the factor sqrt(a / (2 - a)) in time, and independent errors of pixels by the norm of the spatial filter.
+//! Closed forms, tested: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself. The root
+//! mean square of errors that are independent from frame to frame is reduced in time by the factor sqrt(a / (2 - a)). The root mean square of errors
+//! that are independent from pixel to pixel is reduced by the norm of the spatial filter ([`norm`]).
 //! Source: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*); Korac et al.
 //! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) filter an error jointly over space and time, too.
 
 use rayon::prelude::*;
 
-/// Time constant of the exponential mean, seconds. It and the two Gaussians were fitted to the verdicts of ColorVideoVDP (`make judges`).
+/// Time constant of the exponential mean, seconds. This constant and the widths of the two Gaussians were fitted to the results of ColorVideoVDP, a
+/// published model of visible differences (`make judges`).
 pub const TIME_CONSTANT_S: f64 = 0.1;
 /// Standard deviation of the narrow Gaussian, degrees of visual angle. With [`SURROUND_DEG`], the filter passes 3.1 cycles per degree best, which is
 /// about where the eye's sensitivity to contrast has its maximum (Barten 1999, *Contrast Sensitivity of the Human Eye*).
@@ -21,7 +24,7 @@ pub const SURROUND_DEG: f64 = 0.113;
 /// The Gaussians are cut off at this number of standard deviations.
 const REACH: f64 = 3.0;
 
-/// How a sequence of pictures is looked at.
+/// The viewing conditions of a sequence of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewing {
     /// Frames per second, above 0.
@@ -44,9 +47,10 @@ impl Viewing {
     }
 }
 
-/// A Gaussian of one dimension, from its middle outwards, with the sum 1 over both sides.
+/// The weights of a one-dimensional Gaussian filter, from the middle outwards. The middle weight, plus twice the other weights, is 1.
 fn gaussian(deviation_px: f64) -> Vec<f64> {
-    // A Gaussian that is narrower than this has no weight beside its middle in f64.
+    // At 0.1 pixels, the weight of a neighbouring pixel is exp(-50), which is lost when it is added to the middle weight in f64. So the limit does
+    // not change results. It avoids a division by 0.
     let deviation = deviation_px.max(0.1);
     let reach = (REACH * deviation).ceil() as usize;
     let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp()).collect();
@@ -109,8 +113,8 @@ pub fn filtered(size: [u32; 2], error: &[Option<f64>], pixels_per_degree: f64) -
     error.iter().enumerate().map(|(at, e)| e.map(|_| mean(&centre, at) - mean(&surround, at))).collect()
 }
 
-/// Perceived noise: the root mean square of the filtered error. `remembered`: for each pixel, the remembered error and the number of frames that it
-/// comprises (`Meter::memory`). `None` if no pixel has an error.
+/// Perceived noise: the root mean square of the filtered error. `remembered`: for each pixel, the remembered error and the number of frames in it
+/// (`Meter::memory`). `None` if no pixel has an error.
 ///
 /// # Panics
 /// When the number of errors is not the number of pixels.
@@ -124,8 +128,8 @@ pub fn perceived_noise(size: [u32; 2], remembered: &[[f32; 2]], pixels_per_degre
     (count > 0.0).then(|| f64::sqrt(sum / count))
 }
 
-/// The norm of the spatial filter far from every border: the factor by which it reduces the root mean square of errors that are independent from pixel
-/// to pixel.
+/// The norm of the spatial filter far from every border: the factor by which it reduces the root mean square of errors that are independent from
+/// pixel to pixel.
 pub fn norm(pixels_per_degree: f64) -> f64 {
     let [centre, surround] = [CENTRE_DEG, SURROUND_DEG].map(|degrees| gaussian(degrees * pixels_per_degree));
     let dot = |a: &[f64], b: &[f64]| {
@@ -142,7 +146,8 @@ mod tests {
 
     fn white(i: usize, frame: u32) -> f64 {
         let h = hash::pcg4d([u32::try_from(i).unwrap_or(0), frame, 3, 8]);
-        // The sum of four uniform numbers, scaled to a variance of 1: the variance of one is 1/12.
+        // The sum of four uniform numbers in 0..1, minus its mean 2, scaled to a variance of 1. The variance of one number is 1/12, so that of the
+        // sum is 1/3.
         (h.iter().map(|&h| f64::from(h) / 4_294_967_296.0).sum::<f64>() - 2.0) * 3f64.sqrt()
     }
 
@@ -171,8 +176,9 @@ mod tests {
                 }
             }
             let ratio = f64::sqrt(sum / count) / norm(pixels_per_degree);
-            // 8 x 50 400 squares. The filter correlates about 4 pi c² = 90 neighbours at 67 pixels per degree, so there are some 4500 independent
-            // ones, and the root has a standard deviation of 1 / sqrt(2 x 4500) = 1.1 %. The tolerance is 5 of them.
+            // The sum has 8 x 50 400 squares. At 67 pixels per degree, the filter correlates about 4 pi c² = 90 neighbouring pixels, where c is the
+            // standard deviation of the narrow Gaussian in pixels. So there are about 4500 independent squares, and the relative standard deviation
+            // of the root is 1 / sqrt(2 x 4500) = 1.1 %. The tolerance is five standard deviations.
             assert!((ratio - 1.0).abs() < 0.055, "{ratio} at {pixels_per_degree} pixels per degree");
         }
         assert!(norm(20.0) > norm(67.0), "finer pixels are averaged more");
@@ -180,7 +186,8 @@ mod tests {
 
     #[test]
     fn the_filter_passes_the_frequencies_of_the_eye_best() {
-        // The response to a grating of f cycles per degree is exp(-2 (pi f c)²) - exp(-2 (pi f s)²), for infinite Gaussians.
+        // For infinite Gaussians, the response to a grating of f cycles per degree is exp(-2 (pi f c)²) - exp(-2 (pi f s)²), where c and s are
+        // CENTRE_DEG and SURROUND_DEG.
         let ppd = 67.0;
         let size = [800, 1];
         let response = |f: f64| {
@@ -192,7 +199,8 @@ mod tests {
         for f in [1.0, 3.1, 8.0] {
             let passes = |deviation: f64| (-2.0 * (std::f64::consts::PI * f * deviation).powi(2)).exp();
             let expected = passes(CENTRE_DEG) - passes(SURROUND_DEG);
-            // The Gaussians are cut off at 3 deviations and sampled in pixels. The tolerance is 3 % of the largest response.
+            // The Gaussians are cut off at 3 standard deviations and sampled in pixels, so the response differs slightly from the formula. The
+            // tolerance is 0.03; the largest response is 0.65.
             assert!((response(f) - expected).abs() < 0.03, "{f} cycles per degree: {} and not {expected}", response(f));
         }
         assert!(response(3.1) > response(1.5) && response(3.1) > response(6.0));

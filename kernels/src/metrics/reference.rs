@@ -93,8 +93,9 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], reference: Option<&[[u32; 2]]>,
     sums
 }
 
-/// Returns what an eye remembers of the error of each pixel, and the number of frames that this comprises. `before` is what it remembered in the frame
-/// before, if there is one, and `links` lead to that frame. `adaptation`: see `Viewing::adaptation`.
+/// Returns, for each pixel, the remembered error (an exponential mean over time, see `measure_remember` in `measure.wgsl`) and the number of frames
+/// in this mean. `before`: the result for the previous frame; `None` = there is no previous frame. `links` lead to the previous frame. `adaptation`:
+/// see `Viewing::adaptation`.
 pub fn remember(now: &[[u32; 2]], reference: &[[u32; 2]], before: Option<&[[f64; 2]]>, links: &[u32], adaptation: f64) -> Vec<[f64; 2]> {
     let pixel = |at: usize| {
         if !signal::is_terrain(now[at]) || !signal::is_terrain(reference[at]) {

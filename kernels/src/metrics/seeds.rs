@@ -11,7 +11,7 @@ use crate::shared;
 
 /// Edge of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
-/// Edge of the areas for which sums of single seeds are kept, pixels. The device adds up tiles; an area consists of two by two of them.
+/// Edge of the areas for which sums of single seeds are kept, pixels. The device computes sums per tile; an area consists of 2 x 2 tiles.
 pub const AREA: u32 = 2 * classification::TILE;
 
 /// The uniforms of the passes; the layout matches `SeedFrame` in `seeds.wgsl`.
@@ -180,7 +180,7 @@ impl Seeds {
         self.encode(gpu, encoder, streams, count, &[&self.add, &self.arrange]);
     }
 
-    /// Records the pass that finishes the sums, after `count` seeds.
+    /// Records the pass that computes [`VarianceSums`] from the moments, after `count` seeds.
     pub fn encode_finish(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
         self.encode(gpu, encoder, streams, count, &[&self.finish]);
     }

@@ -33,7 +33,7 @@ pub const NO_LINK: u32 = u32::MAX;
 /// for two reasons only: the stored normal is quantised (an error of less than 1 degree), and the ground is curved over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Offsets in the ring buffers, pixels: the beginning of the picture of this frame, and of the pictures of the earlier frames.
+/// Offsets in the ring buffers, pixels: where the picture of this frame begins, and where the pictures of the earlier frames begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// Offset of this frame's picture.
@@ -123,7 +123,7 @@ impl Motion {
         u32::try_from(self.views.len()).unwrap_or(0)
     }
 
-    /// Forgets the earlier frames.
+    /// Discards the earlier frames. The next frame has no links.
     pub fn restart(&mut self) {
         self.views.clear();
     }

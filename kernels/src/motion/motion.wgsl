@@ -60,7 +60,7 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
 }
 
 // One invocation handles four pixels of a row, one of which belongs to the quarter. Lags 2 to 4 of that pixel are computed after the loop and not by
-// a branch in the loop, because a processor that runs its lanes in lockstep would pay for the branch at all four pixels.
+// a branch in the loop. With a branch, a processor that runs its lanes in lockstep would execute this code for all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;

@@ -1,12 +1,15 @@
 //! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
 //!
 //! The values of the stages are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! The references compute the exact values in f64 from the same inputs as the shaders. The exact values are the random thresholds and the choice that
-//! follows from them, the page and level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the
-//! world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on the border of a coarser node are moved
-//! as in the shader. Its normal is not quantised. (The triangle is not reconstructed from neighbouring pixels, because most triangles cover only a
-//! few pixels, so that most neighbours are on different triangles.) Only the device has the heights of detail textures, so the weights after the
-//! height blend come from the device. They apply to the projection with the largest weight.
+//! The references compute the exact values in f64 from the same inputs as the shaders. The exact values are the random thresholds and the
+//! choice that follows from them, the page and level of the virtual texture, and the derivatives on the triangle that was drawn.
+//!
+//! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on
+//! the border of a coarser node are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from
+//! neighbouring pixels: most triangles cover only a few pixels, so most neighbours are on different triangles.
+//!
+//! The weights after the height blend come from the device, because only the device has the heights of detail textures. They are the
+//! weights in the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
@@ -408,8 +411,8 @@ struct Drawing {
 
 /// Returns the first flavour, in the order of shading, whose weight is above 0 and which draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
-    // In the estimator `Fc5`, near cliff blends all projections, so it chooses none. In `Stf`, it takes a single tap, so it also chooses a
-    // projection.
+    // In the estimator `Fc5`, near cliff blends all projections, so no projection is chosen. In `Stf`, near cliff takes a single tap, so a
+    // projection is chosen, too.
     let in_order = [
         (Flavour::NearCliff, salt::NEAR_CLIFF, estimator == Estimator::Stf),
         (Flavour::FarCliff, salt::FAR_CLIFF, true),
@@ -602,7 +605,7 @@ mod tests {
         // The edge of a page of level 3 is 8 m. The position is 202.25 m east and 191.5 m north of the world's south-west corner.
         assert_eq!(far.id, PageId { level: 3, x: 25, y: 23 });
         assert!((far.texel[0] - 2.25 * 32.0).abs() < 1e-9 && (far.texel[1] - 7.5 * 32.0).abs() < 1e-9, "{far:?}");
-        // The longer step is divided by the anisotropy, at most 4. A mip bias of 1 doubles both steps.
+        // The longer step is divided by the anisotropy, which is limited to 4 for pages. A mip bias of 1 doubles both steps.
         assert_eq!(page([9.0, 3.0], 2, 0.0).id.level, 2);
         assert_eq!(page([9.0, 3.0], 16, 0.0).id.level, 1);
         assert_eq!(page([9.0, 3.0], 1, 1.0).id.level, 4);

@@ -126,8 +126,8 @@ fn bc3_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let [first, second] = alphas(row[0].word());
     let indices = u64::from(row[0].word() >> 16) | u64::from(row[1].word()) << 16;
     let index = (indices >> (3 * texel) & 7) as u32;
-    // An index stands for an end point or for one of six values between the end points. If the first end point is not the larger one, there are only
-    // four values between them, and the last two indices stand for 0 and 1.
+    // An index selects an end point or one of six values between the end points. If the first end point is not the larger one, there are
+    // only four values between them, and the last two indices select 0 and 1.
     let steps = if first > second { 7.0 } else { 5.0 };
     let alpha = match index {
         0 => first,

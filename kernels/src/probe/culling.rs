@@ -196,9 +196,9 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 /// angles.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
-    // `between` is the angle between the axis and the direction to the patch. `over` is the amount by which the reference's condition holds:
-    // cos(between) - sin(a + s), where a is the half angle of the cone and s the angular radius of the sphere. As `margin` is 90 degrees - (between +
-    // a + s), `over` equals cos(between) - cos(between + margin).
+    // `between` is the angle between the axis and the direction to the patch. The reference culls if cos(between) exceeds sin(a + s) by
+    // more than `ROUNDING`. Here, a is the half angle of the cone, and s is the angular radius of the sphere. `over` is cos(between) -
+    // sin(a + s). As `margin` is 90 degrees - (between + a + s), `over` equals cos(between) - cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
@@ -495,7 +495,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     });
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
     let level = culling::level([got[1] as u32, got[2] as u32], [got[3] as u32, got[4] as u32]);
-    // The side of the picture / 2^level, rounded up.
+    // The expected size of the level: the side of the picture / 2^level, rounded up.
     let texels = [0, 1].map(|k| (row[SIZE + k] / f64::from(level).exp2()).ceil());
     let is_close = got[6] <= nearest * (1.0 + 2.0 * truth.off + 4e-6);
     if !(close && f64::from(level) == got[5] && texels == [got[8], got[9]] && is_close) {

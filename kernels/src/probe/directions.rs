@@ -446,8 +446,8 @@ fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
-    // Below the equator, where x or y changes sign, the encoded point jumps from one edge of the square to another. Both points stand for the same
-    // direction.
+    // Below the equator, where x or y changes sign, the encoded point jumps from one edge of the square to another. Both points represent
+    // the same direction.
     if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
         encoded = Verdict::OtherSide;
     }
@@ -504,7 +504,7 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     // direction; both codes are accepted there, too.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
-    // At a fold, two codes that mirror each other stand for the same direction.
+    // At a fold, two codes that mirror each other represent the same direction.
     let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
     let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
     let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);
@@ -552,7 +552,8 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
     let (s, r) = (length(step), length(neighbour));
-    // The cosine has a lower limit, even if the neighbour's ray meets the plane from the other side.
+    // The tested function limits the cosine between the normal and the neighbour's ray to at least `MIN_COSINE`, even if that ray meets the
+    // plane from the other side.
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();

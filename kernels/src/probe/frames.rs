@@ -19,8 +19,8 @@ pub(super) const MOMENTS: Probe = Probe {
     ],
     outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
     blocks: None,
-    // `zero` is 0. The compiler must not know its value, or it would simplify the compensated sums of moments.wgsl. The shader reads the
-    // count from memory, so for the compiler the highest bit of the count may be set.
+    // `zero` is 0. If the compiler could prove this, it would simplify the compensated sums of moments.wgsl. The shader reads the count
+    // from memory, so the compiler must assume that the highest bit of the count may be set.
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
     let count = u32(row[2]);
@@ -155,7 +155,8 @@ fn past<T: Real>(row: &[T]) -> Past<T> {
 fn reprojection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let (past, point) = (past(row), take(row, 0));
     let seen = motion::reproject(point, &past);
-    // The ray through the exact position would meet the plane at the point itself, whatever the plane.
+    // The ray through the centre of the nearest pixel is used. The ray through the exact position would meet every plane through the point
+    // at the point itself, so the result would not depend on the plane.
     let nearest = [seen[0], seen[1]].map(|p| (p + T::of(0.5)).floor());
     out.extend(seen);
     out.push(motion::expected_distance(point, &past, motion::past_ray(&past, nearest), take(row, 8)));
@@ -182,8 +183,9 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if seen == Verdict::Differs {
         return if at_threshold { Verdict::OtherSide } else { Verdict::Differs };
     }
-    // The distance that is expected at the centre of a pixel. `of_ray` is the error of dot(n, ray): the row of the matrix has an error of 5 ULP, the
-    // ray 6 ULP more, the dot product 2 ULP; the tolerance allows 20 ULP. `of_plane` is the error of dot(n, q), which follows from the error of q.
+    // `at` judges the distance that is expected at the centre of a pixel. `of_ray` is the error of dot(n, ray): the row of the matrix has
+    // an error of 5 ULP, the ray 6 ULP more, the dot product 2 ULP; the tolerance allows 20 ULP. `of_plane` is the error of dot(n, q),
+    // which follows from the error of q.
     let n = three(row, 8);
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     let at = |pixel: [f64; 2]| {
@@ -197,7 +199,8 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         }
         let meets = dot(n, q) / dot(n, ray);
         let tolerance = (of_plane + meets.abs() * of_ray) / (along - of_ray) + 4.0 * EPS * meets.abs();
-        // Next to the smallest and the largest distance, rounding decides whether the hit counts. If it does not count, the result is 0.
+        // If the distance is close to `MIN_DISTANCE` or `FAR`, rounding decides whether the hit is accepted. If it is not accepted, the
+        // result is 0.
         let at_limit = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (meets - t).abs() <= tolerance + 8.0 * EPS * t);
         match close(&got[3..], &[wanted], tolerance) {
             Verdict::Differs if at_limit && (got[3] == 0.0 || (got[3] - meets).abs() <= tolerance) => Verdict::OtherSide,

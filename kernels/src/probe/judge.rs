@@ -32,7 +32,7 @@ pub const FEW: f64 = 16.0 * EPS;
 pub enum Verdict {
     /// Within the tolerance. The number is the largest error as a share of the tolerance.
     Agrees(f64),
-    /// On the other side of a threshold that lies within the tolerance.
+    /// The result belongs to the other side of a threshold, and the distance of the row from this threshold is within the tolerance.
     OtherSide,
     /// Outside the tolerance, and no threshold explains the difference.
     Differs,
@@ -43,7 +43,7 @@ pub enum Verdict {
 pub struct Draw {
     /// Index of the row.
     pub row: u32,
-    /// How many numbers have been drawn so far.
+    /// Number of words drawn so far.
     pub column: u32,
     /// Number of the table. Each table has its own sequence of random numbers.
     pub table: u32,

@@ -1,8 +1,9 @@
 //! Evaluates shared functions for tables: each row of input numbers gives a row of results, computed on the GPU or by the reference in f32 or f64.
 //!
-//! The command line and the agreement tests share these tables, so that both evaluate the same functions. The results of the reference in f64 are the
-//! truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both references take the same columns. Values
-//! are rounded to f32 for the f32 reference and the GPU, so comparisons should use values that f32 represents exactly.
+//! The command line and the agreement tests share the list [`PROBES`], so that both evaluate the same functions. The results of the
+//! reference in f64 are the truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both
+//! references take the same columns. Values are rounded to f32 for the f32 reference and the GPU, so comparisons should use values that f32
+//! represents exactly.
 
 use serde::Serialize;
 
@@ -28,7 +29,7 @@ mod words;
 
 pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 
-/// Largest magnitude of whole numbers that are passed as f32. Up to this magnitude, f32 holds every whole number exactly.
+/// Largest magnitude of whole numbers that are passed as f32. Up to this magnitude, f32 represents every whole number exactly.
 const EXACT: i32 = 1 << 24;
 
 /// Largest index into [`crate::shared::blue_noise::ranks`].
@@ -59,7 +60,7 @@ impl Column {
         Column { name, unit, whole: Some([0, u32::MAX as i64]) }
     }
 
-    /// Whether the column holds words of 32 bits. An f32 cannot hold the value of every word, so words are passed as bits.
+    /// Whether the column contains words of 32 bits. An f32 cannot represent the value of every word, so words are passed as bits.
     pub fn is_word(&self) -> bool {
         self.whole == Some([0, i64::from(u32::MAX)])
     }
@@ -80,7 +81,8 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// The type that a reference reads and writes. It stores a real number or a word: f32 stores the bits of the word, f64 stores its value.
+/// The type that a reference reads and writes. It stores a real number or a word. In place of a word, f32 stores the bits of the word, and
+/// f64 stores the value of the word.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;

@@ -183,14 +183,14 @@ fn hashed_alpha_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
 fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ddx, ddy) = (three(row, 7), three(row, 10));
     let finest = [row[6], row[6], row[5]].map(finest_level);
-    // Each level, and the finest level of its axis.
+    // Pairs of a level and the finest level of its axis, and the relative error of the footprint in ULP.
     let (levels, ulps): (Vec<(f64, f64)>, f64) = if row[0] < 1.0 {
         // The footprint is the cell size times a length. Its relative error comes from a dot product (3 roundings), a square root (4.5 ULP) and the
         // product. The tolerance allows 8 ULP.
         let finest = finest[0].min(finest[2]);
         (vec![(noise_level(row[13] * length(ddx).max(length(ddy)), finest), finest)], 8.0)
     } else {
-        // The least share of the widest footprint is a power of two, so this product is exact.
+        // No width is smaller than 1/16 of the largest width. Dividing by 16 is exact.
         let widths = [0, 1, 2].map(|i: usize| (std::f64::consts::SQRT_2 * row[13] * ddx[i].abs().max(ddy[i].abs())).clamp(0.0, 1e6));
         let least = widths.into_iter().fold(0.0, f64::max) / 16.0;
         ((0..3).map(|i| (noise_level(widths[i].max(least), finest[i]), finest[i])).collect(), 3.0)
@@ -236,7 +236,8 @@ fn noise_level(footprint: f64, finest: f64) -> f64 {
     (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, finest)
 }
 
-/// The finest level along an axis whose largest coordinate is `largest` m. A cell at this level has 16 to 32 steps of f32 there.
+/// The finest level along an axis whose largest coordinate is `largest` m. A cell of this level is 16 or 32 times as wide as the step
+/// between neighbouring f32 numbers at that coordinate, unless the level is clamped.
 fn finest_level(largest: f64) -> f64 {
     (19.0 - largest.abs().log2().round()).clamp(-4.0, 16.0)
 }

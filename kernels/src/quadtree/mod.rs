@@ -1,5 +1,5 @@
-//! Selects the nodes to draw: walks down from the roots, level by level, and splits a node if it is visible and close to the camera. The
-//! nodes of a level are loaded before any of them is split.
+//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is visible and close to the camera.
+//! The nodes of a level are loaded before any of them is split.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
@@ -41,7 +41,8 @@ fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     (ratio * (-lod_bias).exp2()).min(SPLIT_RATIO[1])
 }
 
-/// Minimum and maximum corner of the bounding box of a node, in the local coordinates of the view.
+/// Minimum and maximum corner of the bounding box of a node, in the local coordinates of the view: x and y in metres from the south-west corner of
+/// the camera's sector, z is the elevation in metres.
 pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View) -> (DVec3, DVec3) {
     let edge = layout.node_m(node.lod);
     let first_sector = DVec2::new(f64::from(node.x), f64::from(node.y)) * f64::from(1u32 << node.lod);

@@ -1,9 +1,9 @@
 //! Node payloads in GPU memory: synchronised atlases with one slot per node.
 //!
 //! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
-//! Source: Moore, GDC 2018, "Stream Quad Tree" and SYSTEMS A, the part of the talk on terrain data. An atlas is an array texture in which each slot
-//! is a layer, so filtering never reads a neighbouring node. Slots count from 1 (ruling 9 in `ARCHITECTURE.md`), because 0 means "not loaded". A
-//! frame waits for every node that it visits, so that a picture does not depend on what was loaded before.
+//! Source: Moore, GDC 2018, "Stream Quad Tree" and the part of the talk on terrain data. An atlas is an array texture in which each slot is a layer,
+//! so filtering never reads a neighbouring node. Slots count from 1 (ruling 9 in `ARCHITECTURE.md`), because 0 means "not loaded". A frame waits for
+//! every node that it visits, so that a picture does not depend on what was loaded before.
 //!
 //! Limits: at most 512 nodes are resident at once. If a view needs more nodes in one frame, it is refused with an error that says what to change.
 
@@ -19,7 +19,7 @@ use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
-/// Largest number of resident nodes (SYSTEMS A, the part of the talk on terrain data, says about 500).
+/// Largest number of resident nodes. The talk says about 500.
 pub const CAPACITY: u32 = 512;
 
 /// How many nodes the atlases hold, and how large the atlases are.
@@ -242,7 +242,7 @@ impl Streaming {
         let atlases = [&self.height, &self.normal, &self.albedo, &self.colour_modulation, &self.splat];
         AtlasCounts {
             resident: self.resident.len(),
-            // Slot 0 stands for "not loaded".
+            // One layer is unused: slot 0, which means "not loaded".
             capacity: (self.layers - 1) as usize,
             bytes: atlases.into_iter().map(texture_bytes).sum(),
         }

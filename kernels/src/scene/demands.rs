@@ -24,8 +24,8 @@ pub struct Demands {
     pub flavours: Vec<FlavourDemand>,
     /// Whether the terrain has holes. If so, the vertex stage reads the alpha of the baked albedo.
     pub holes: bool,
-    /// Whether the ground may end inside the world, as the ground of a heightmap does: the vertex stage then moves vertices beyond the data to their
-    /// edge.
+    /// Whether the ground may end inside the world, as the ground of a heightmap does. If so, the vertex stage moves vertices beyond the data to the
+    /// edge of the data.
     pub edge: bool,
     /// Whether the colour modulation map is made and sampled.
     pub colour_modulation: bool,

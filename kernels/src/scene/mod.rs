@@ -126,8 +126,8 @@ pub struct Material {
     /// A built-in procedural material. Exactly one of `procedural` and `folder` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedural: Option<String>,
-    /// Folder with images named `albedo`, `normal`, `height`, `roughness` and, optionally, `ao`, or as Poly Haven, ambientCG and Quixel name them. The
-    /// path is relative to the folder of the scene file.
+    /// Folder with images named `albedo`, `normal`, `height`, `roughness` and, optionally, `ao`, or as Poly Haven, ambientCG and Quixel name them.
+    /// The path is relative to the folder of the scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     /// Edge of one repeat of the texture, metres.

@@ -28,8 +28,8 @@ const fn positive(most: f64) -> Kind {
 }
 
 table! {
-    /// Where each flavour applies (SYSTEMS C and F, see ARCHITECTURE.md). Distances are measured along the view ray. Slopes are those of the shading
-    /// normal.
+    /// Where each flavour applies (SYSTEMS C and F, the parts of the talk on material shading and on shader variants). Distances are measured along
+    /// the view ray. Slopes are those of the shading normal.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
@@ -39,12 +39,13 @@ table! {
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
         /// Beyond this distance cliffs, too, are shaded from the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
-        /// Half the width of the blend between two flavours at a distance where the flavour changes, as a share of that distance.
+        /// Half the width of the transition at a distance where the flavour changes, as a share of that distance. Example: 0.15 at 300 m blends from
+        /// 255 m to 345 m.
         // Smaller widths are not needed: a width of a thousandth already looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
-        /// Width of the blend between ground and cliff.
+        /// Width of the range of slopes over which ground and cliff blend. Half of it is on either side of `cliff_slope_deg`.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
         /// Width of the band of slopes just below `cliff_slope_deg` that is shaded by full tri-planar splat, up to the distance `cliff_near_m`.
         /// These slopes are too steep for one projection, and they border on contrasting materials. 0: no splat.
@@ -67,16 +68,17 @@ table! {
         /// Size of the cells of hashed noise on the screen (g_HashScale of Wyman and McGuire). With larger cells, random choices change less often in
         /// motion, but form larger blotches.
         hash_scale: f64 = 1.0, "px", number(0.01, 100.0), BLEND.logarithmic("Noise cell", 0.05, 8.0);
-        /// k in w' = w 2^(k h), where w is the bilinear weight of a material and h its height. The larger k, the more the highest material dominates.
-        /// 0: plain bilinear weights.
+        /// Sharpness of the height blend: k in w' = w 2^(k h), where w is the bilinear weight of a material and h its height. The larger k, the more
+        /// the highest material dominates. 0: plain bilinear weights.
         height_sharpness: f64 = 8.0, "", number(0.0, 1.0e4), BLEND.slider("Height blend", 0.0, 64.0);
-        /// k in the weights of the three projections, w = abs(n)^k, where n is the normal. The larger k, the sharper the borders between projections.
+        /// Sharpness of the tri-planar blend: k in the weights of the three projections, w = abs(n)^k, where n is the normal. The larger k, the
+        /// sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
         /// Bias of the mip levels: texture gradients are scaled by 2^bias. Below 0, the picture is sharper and flickers more; above 0, it is
         /// blurrier.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
-        /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs near ground. With Mesa's software driver before
-        /// version 23, the anisotropy is always 1.
+        /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs ground near the camera at grazing angles. With Mesa's
+        /// software driver before version 23, the anisotropy is always 1.
         anisotropy: u16 = 8, "", Kind::Whole(1, 16), BLEND;
         /// Factor on the distance of the materials' mean colours from 18 % grey. 0: all mean colours are 18 % grey, 1: the original colours.
         material_contrast: f64 = 1.0, "x", number(0.0, 2.0), BLEND;

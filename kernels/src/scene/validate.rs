@@ -21,7 +21,7 @@ pub fn validate(scene: &Scene) -> Result<()> {
 /// `max_slope_deg`: the steepest slope of the world, degrees.
 ///
 /// # Errors
-/// The scene asks for cliff flavours, and the steepest slope is less than `flavours.cliff_slope_deg`.
+/// The scene uses cliff flavours, but the steepest slope is less than `flavours.cliff_slope_deg`.
 pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     let asked = scene.flavours.cliff_slope_deg;
     // This form of the condition also refuses a slope of NaN.

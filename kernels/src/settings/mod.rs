@@ -1,6 +1,6 @@
 //! Settings: values that a user chooses. Each setting is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
-//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
+//! A table is an array of [`Setting`]s for one type that stores the values: [`crate::scene::settings`] for a scene, [`crate::frame::settings`] for
 //! the choices of a frame and of its stages. These tables serve scene files, definitions of experiments, the command line, the workbench with
 //! its state file, and the reference documentation. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
 
@@ -37,7 +37,7 @@ impl Range {
         Range { least, most, above: true }
     }
 
-    /// Whether a number is accepted. NaN is not.
+    /// Whether a number is accepted. NaN is refused.
     pub fn contains(self, value: f64) -> bool {
         (self.least..=self.most).contains(&value) && !(self.above && value <= self.least)
     }
@@ -55,7 +55,7 @@ impl fmt::Display for Range {
 pub enum Kind {
     /// A number.
     Number(Range),
-    /// A list of this many numbers.
+    /// A list of this many numbers, each in this range.
     Numbers(usize, Range),
     /// A whole number in this range; both ends are accepted.
     Whole(u32, u32),

@@ -1,5 +1,5 @@
-//! Estimators: how the flavours near cliff, far cliff and splat compute their values. One table says, for each estimator, how many fetches it takes
-//! and whether it draws random numbers.
+//! Estimators: how the flavours near cliff, far cliff and splat compute their values. One table lists the fetches of each estimator, and whether the
+//! estimator draws random numbers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -21,8 +21,8 @@ pub enum Estimator {
     Variance,
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
-    /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale. Far cliff chooses one of the two scales at
-    /// random. A fixed choice would change the scale abruptly at some distances. Hex tiling reduces the contrast of textures.
+    /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale. Far cliff samples one scale, which is chosen
+    /// at random from two, because a fixed choice would change the scale abruptly at some distances. Hex tiling reduces the contrast of textures.
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
     /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. With an anisotropy of 1, its mean on near and far cliff is
@@ -30,7 +30,7 @@ pub enum Estimator {
     /// all four materials.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
-    /// the height blend. Far cliff uses only the lower of the two scales, so its scale changes abruptly at some distances.
+    /// the height blend. Far cliff uses only the lower of the two tiling scales, so its scale changes abruptly at some distances.
     Laplacian,
     /// Eight layers, projected from above. All layers are sampled at every pixel, and each is blended over the layers before it (Luna, 2016).
     Luna8,
@@ -146,8 +146,8 @@ impl Estimator {
         }
     }
 
-    /// Returns the reason why the mean of this estimator's pictures over seeds differs from the picture of [`Estimator::Exact`] by design. `None` if the
-    /// two are equal.
+    /// Returns the reason why the mean of this estimator's pictures over seeds differs from the picture of [`Estimator::Exact`] by design. `None` if
+    /// the two are equal.
     pub const fn bias(self) -> Option<&'static str> {
         match self {
             Estimator::Fc5 | Estimator::Exact => None,

@@ -161,7 +161,7 @@ pub struct Shading {
     settings: Settings,
     /// Buffer with [`blue_noise::ranks`]. Until a pipeline needs the ranks, the buffer holds only a few zeros.
     noise_ranks: wgpu::Buffer,
-    /// Pipelines of the displayed view.
+    /// Pipelines of the displayed view. A reload of the shaders builds them immediately.
     displayed: Vec<PipelineKey>,
 }
 

@@ -6,8 +6,8 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise that drives the random choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle; the depth test discards the part of it below the tile. If not, a tile is two triangles with one diagonal.
-// Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
+// Whether a tile is drawn as one triangle; the depth test discards the part of it below the tile. If not, a tile is two triangles that share a
+// diagonal. Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
 override TILE: u32 = 8u;
@@ -47,7 +47,7 @@ struct Pixel {
     node: NodePlace,
     cell: SplatCell,
     normal: vec3<f32>,          // shading normal
-    planes: vec3<u32>,          // axes of the projections
+    planes: vec3<u32>,          // planes of the projections: 0..2 = along x, y, z; 3, 4 = along a diagonal, see snapped_projection.wgsl
     projections: vec3<f32>,     // weights of the projections
     tiling: vec2<f32>,          // x: exponent of the lower of two tiling scales; y: weight of the upper scale
 }
@@ -77,7 +77,8 @@ fn shade_choose(texel: u32, plane: u32) {
     }
 }
 
-// Number of projections of the estimator.
+// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4, because compilers unroll loops to a constant
+// (see terrain.wgsl).
 fn shade_projections() -> u32 {
     if IS_BIPLANAR {
         return frame.taps - 2u;

@@ -1,14 +1,14 @@
 //! Blue-noise masks: tables of thresholds. Errors that a blue-noise threshold causes in neighbouring pixels cancel when they are seen from a
 //! distance.
 //!
-//! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one where
-//! the Gaussian energy of the other points is least; the position of a point in this order is its rank. The spatio-temporal mask (Wolfe, Morrical,
-//! Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume: the energy between two points is the
-//! spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
+//! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one at the
+//! position with the least energy. The energy is the sum of Gaussians around the existing points. The index of a point in this order is its rank. The
+//! spatio-temporal mask (Wolfe, Morrical, Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume:
+//! the energy between two points is the spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
 //!
 //! Masks are computed at run time in integer arithmetic: energies come from tables of integers up to 2^24, the initial pattern comes from a hash, and
 //! fixed rules break ties. Every machine therefore computes the same masks. The points of each spatio-temporal slice are then ranked again within the
-//! slice, in the order that they have in the volume, so that each slice holds every rank once.
+//! slice, in the order that they have in the volume, so that each slice contains every rank once.
 
 use std::sync::OnceLock;
 
@@ -107,7 +107,8 @@ struct Torus {
     energy: Vec<u32>,
     /// For each position: all bits set if there is a point, zero otherwise.
     set: Vec<u32>,
-    /// For each row: the least energy of its free positions, and the bitwise complement of the largest energy of its points.
+    /// For each row: the least energy of its free positions, and the bitwise complement of the largest energy of its points. Because of the
+    /// complement, both searches look for a minimum.
     rows: [Vec<u32>; 2],
     /// Spatial energy by distance in rows, then by distance in columns modulo 64. The columns are stored twice, so that a range of 64 columns may
     /// begin at any column.
@@ -141,7 +142,7 @@ impl Torus {
         torus
     }
 
-    /// Updates the extremes of a row.
+    /// Updates the two entries of `rows` for a row.
     fn look_at(&mut self, row: usize) {
         let range = row * SIDE..(row + 1) * SIDE;
         let (mut void, mut cluster) = (u32::MAX, u32::MAX);

@@ -138,8 +138,8 @@ pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], siz
 }
 
 /// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level combines 2 x 2 texels of
-/// the level below; the texels of level 0 are pixels. So the texel of pixel (x, y) at level l is (x >> l, y >> l), and [`level_size`] says how many
-/// texels there must be.
+/// the level below; the texels of level 0 are pixels. So the texel of pixel (x, y) at level l is (x >> l, y >> l). The size of a level must be
+/// [`level_size`].
 pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     let along = |axis: usize| {
         let start = (last[axis] - first[axis]).max(1).ilog2();
@@ -151,17 +151,17 @@ pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
 /// Size of a level of the pyramid over a picture of `size` pixels (1..=16384 each), in texels: the picture's size / 2^level, **rounded up**. In WGSL:
 /// `culling_level_size`.
 ///
-/// If a level has an odd number of columns, its last column is in a texel of its own at the next level. If sizes were rounded down, as those of the
-/// mip levels of a texture are (WebGPU, "logical miplevel-specific texture extent"), that column would be in no texel: the texel to its left would be
-/// read in its place, and a box that is visible only in that column would be culled. A pyramid in the mip levels of a texture therefore needs a texture
-/// whose sides are powers of two, with depth 1 (the nearest) where there is no picture.
+/// If a level has an odd number of columns, the last column is alone in a texel of the next level. If sizes were rounded down, this column would be
+/// in no texel. The texel to the left would be read in its place, and a box that is visible only in this column would be culled. The sizes of the mip
+/// levels of a texture are rounded down (WebGPU, "logical miplevel-specific texture extent"). A pyramid in the mip levels of a texture therefore
+/// needs a texture whose sides are powers of two. Texels outside the picture must have depth 1 (the nearest), so that they do not change a minimum.
 pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
     size.map(|side| (side.saturating_sub(1) >> level) + 1)
 }
 
-/// Whether a box is hidden, because everything that was drawn at its pixels is nearer than its nearest point. `depth` is the reversed depth of that
-/// point. `farthest` are the least reversed depths in the texels of the pyramid that the box covers; 0 means that nothing was drawn. False if a depth
-/// is NaN.
+/// Whether a box is hidden: everything that was drawn at the pixels of the box is nearer than the nearest point of the box. `depth` is the reversed
+/// depth of this nearest point. `farthest` are the least reversed depths in the texels of the pyramid that the box covers; 0 means that nothing was
+/// drawn. False if a depth is NaN.
 pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
     farthest.iter().all(|&stored| depth < stored)
 }
@@ -235,8 +235,8 @@ mod tests {
         }
     }
 
-    /// Tests random boxes in random pictures. Returns the number of boxes that are culled although they are visible, and of those that are culled
-    /// because they are hidden.
+    /// Tests random boxes in random pictures. Returns the number of visible boxes that are culled (wrongly), and the number of hidden boxes that are
+    /// culled (rightly).
     fn culled(sizes: Sizes) -> [u32; 2] {
         let mut counts = [0; 2];
         for case in 0..2000 {

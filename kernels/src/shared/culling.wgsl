@@ -96,8 +96,8 @@ fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
     return max(level.x, level.y);
 }
 
-// Size of a level of the pyramid over a picture of `size` pixels, in texels. It is rounded up: rounded down, the last column of a level with an odd
-// number of columns would be in no texel, and what is visible only there would be culled.
+// Size of a level of the pyramid over a picture of `size` pixels, in texels. It is rounded up. If it were rounded down, the last column of a level
+// with an odd number of columns would be in no texel of the next level, and a box that is visible only there would be culled.
 fn culling_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
     return ((max(size, vec2<u32>(1u)) - vec2<u32>(1u)) >> vec2<u32>(level)) + vec2<u32>(1u);
 }

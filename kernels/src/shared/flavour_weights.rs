@@ -90,7 +90,7 @@ pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T;
 }
 
 /// The set of flavours whose weight is above [`MIN_WEIGHT`], as bits of [`crate::variant::Flavour`]. It is never empty: if no weight is large enough,
-/// the set holds only the far atlas.
+/// the set contains only the far atlas.
 pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     let bits = (0..5).filter(|&i| weights[i] > T::of(MIN_WEIGHT)).map(|i| 1 << i).sum();
     if bits == 0 { FAR_ATLAS } else { bits }

@@ -1,7 +1,8 @@
 // Which shading flavours a point needs, and their weights.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 ("Terrain Shader Variations").
-// FLAVOUR_VT and the four constants after it are the indices of the flavours in arrays of five. FLAVOUR_VT_BIT and the four constants after it are
-// the bits of the flavours in a mask. FLAVOUR_BITS has all five bits.
+// The host passes the constants FLAVOUR_... to this file. FLAVOUR_VT, FLAVOUR_FAR_ATLAS, FLAVOUR_NEAR_CLIFF, FLAVOUR_FAR_CLIFF and FLAVOUR_SPLAT are
+// the indices of the flavours in arrays of five. The same names with the suffix _BIT are the bits of the flavours in a mask. FLAVOUR_BITS has all
+// five bits.
 
 struct FlavourParams {
     // Distance, metres, at which ground changes from virtual texture to far atlas.
@@ -81,7 +82,7 @@ fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array
     );
 }
 
-// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: if no weight is large enough, the set holds only the far atlas.
+// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: if no weight is large enough, the set contains only the far atlas.
 fn flavour_mask(weights: array<f32, 5>) -> u32 {
     var mask = 0u;
     mask |= select(0u, 1u, weights[0] > FLAVOUR_MIN_WEIGHT);

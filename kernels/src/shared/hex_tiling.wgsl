@@ -7,7 +7,8 @@
 // Smallest and largest level: a sector has 2^level hexagons along its edge.
 const HEX_TILING_LEVEL_MIN: i32 = -10;
 const HEX_TILING_LEVEL_MAX: i32 = 15;
-// 1 / sqrt 3 = 0.5774 as the fraction 37 / 64, so that a whole sector is a whole number of steps of the lattice. It distorts the hexagons by 0.13 %.
+// 1 / sqrt 3 = 0.5774 as the fraction 37 / 64, so that the edge of a sector is a whole number of fixed-point steps, which are 2^-16 of the lattice
+// spacing. The fraction distorts the hexagons by 0.13 %.
 const HEX_TILING_SKEW: u32 = 37u;
 const HEX_TILING_SKEW_BITS: u32 = 6u;
 
@@ -20,7 +21,7 @@ struct HexTiling {
 }
 
 // The level (2^level hexagons along a sector) for a texture that repeats `repeats` times along a sector: nearest to Mikkelsen's 2 sqrt 3 hexagons per
-// repeat.
+// repeat. The constant is log2(2 sqrt 3) + 1/2; the half makes `floor` round to the nearest level.
 fn hex_tiling_level(repeats: f32) -> i32 {
     let usable = max(usable_positive_1(repeats, 1e6), 1e-6);
     return clamp(i32(floor(log2(usable) + 2.2924813)), HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);

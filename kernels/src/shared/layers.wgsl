@@ -1,6 +1,6 @@
 // Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each other layer.
-// Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. The final weight of a layer is w_i = p_i prod_{j > i}
-// (1 - p_j).
+// Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. If p are the opacities, the final weight of a layer
+// is w_i = p_i prod_{j > i} (1 - p_j).
 
 // Share of a layer at a point: the sum of the weights of the surrounding texels that show this layer. Opacities are computed from the shares; they
 // are not read from a painted blend map.

@@ -3,8 +3,8 @@
 // Source: Welford, "Note on a Method for Calculating Corrected Sums of Squares and Products", Technometrics 4(3), 1962;
 // two-sum: Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B.
 
-// WGSL lets a compiler replace (a + b) - a by b, and Mesa does so, which removes the compensation. A sum that must be rounded therefore passes
-// through an exclusive or with `zero`, which is 0 but comes from memory, so that the compiler does not know its value.
+// WGSL lets a compiler replace (a + b) - a by b. Mesa does so, and this removes the compensation. A sum that must be rounded therefore passes through
+// an exclusive or with `zero`. This word is always 0, but it is read from memory, so the compiler cannot assume its value.
 fn moments_rounded(x: f32, zero: u32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ zero);
 }

@@ -1,4 +1,4 @@
-//! Computes where an earlier camera saw a point of this frame, exactly, from depth and the two cameras.
+//! Computes exactly at which pixel an earlier camera saw a point of this frame, from depth and the two cameras.
 //!
 //! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and the component of r along the view
 //! direction f is 1. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and
@@ -98,8 +98,8 @@ pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     if ray.iter().all(|x| x.abs() <= T::of(1e30)) { ray } else { [T::zero(); 3] }
 }
 
-/// Distance at which the ray of an earlier pixel meets the plane through the point. 0 if the plane is edge-on or the hit lies behind the
-/// camera. In WGSL: `motion_expected_distance`.
+/// Distance along the earlier view direction at which `ray`, the ray of a pixel of the earlier camera, meets the plane through `point` with the
+/// normal `normal`. 0 if the plane is edge-on or the hit is behind the camera. In WGSL: `motion_expected_distance`.
 pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
     let along = dot(normal, ray);
     let distance = dot(normal, add(point, past.offset)) / along;

@@ -6,25 +6,29 @@
 //! kinds differ in how neighbouring pixels and frames are correlated.
 //!
 //! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) divides space into cells that are about as wide as a pixel, and hashes the cell
-//! that holds the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size are blended, so that the size
+//! that contains the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size are blended, so that the size
 //! follows the camera without a visible jump. The blend is not uniform; its distribution function converts it to a uniform number. Here cells are
 //! exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally well at the origin and 1000 km from it.
 //!
 //! The anisotropic kind has one scale per axis, but a single blend factor. Its thresholds therefore jump where the scale of one axis passes a power
 //! of two and the scales of the other axes do not. This is a limit of the published method.
 //!
-//! A position is computed in f32, so the same point of the ground has slightly different coordinates in two frames. If its cells were as small as that
-//! difference, a camera that moves by a centimetre would redraw all its random numbers. Three rules, which the paper does not have, keep cells larger:
+//! A position is computed in f32, so the same point of the ground has slightly different coordinates in two frames. If cells were as small as this
+//! difference, points would change their cells and random numbers whenever the camera moves, even by a centimetre. Three rules, which the paper does
+//! not have, keep cells larger:
 //!
-//! - No cell is narrower than 2^[`STEPS`] steps of f32 of its coordinate ([`finest`]). The elevation has the step of its own magnitude, such as 0.06 mm
-//!   at 700 m. East and north have that of the edge of a sector, so that the noise does not depend on the sector relative to which a point is given.
-//! - In the anisotropic kind, no axis has cells narrower than [`LEAST_SHARE`] of the widest footprint. On level ground the elevation does not change
-//!   from pixel to pixel; without this rule, it has the smallest cells. The rounding error of depth grows with the distance, as footprints do.
-//! - Along the elevation, borders between cells lie a third of a cell above its multiples ([`BORDER`]). Otherwise, level ground at a whole elevation
-//!   would lie on a border, and one step of f32 would move all of it to other cells.
+//! - No cell is narrower than 2^[`STEPS`] steps of f32, that is, distances between neighbouring f32 values ([`finest`]). Along the elevation, the
+//!   step depends on the elevation of the point: it is 0.06 mm at 700 m. Along east and north, the step is that at the coordinate
+//!   [`HashedPoint::sector_m`]. This step is the same for all points, so that the noise does not depend on the sector relative to which a point is
+//!   given.
+//! - In the anisotropic kind, no axis has cells narrower than [`LEAST_SHARE`] of the widest footprint. On level ground, the elevation does not change
+//!   from pixel to pixel, so without this rule, cells would be smallest along the elevation. There, the rounding error of depth would move points to
+//!   other cells. This error grows with the distance, as footprints do.
+//! - Along the elevation, borders between cells are a third of a cell above the multiples of the cell width ([`BORDER`]). Otherwise, level ground at
+//!   a whole elevation would lie on a border, and one step of f32 would move all of it to other cells.
 //!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
-//! direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. It is computed in fixed point here, where the products are
+//! direction: a rational lattice whose 3 x 3 neighbourhoods contain evenly spread values. It is computed in fixed point here, where the products are
 //! exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be independent;
 //! therefore each of the four decisions transposes or mirrors the pixel coordinates in a different way. The published function alone is not uniform:
 //! its factor 52.98 is not a whole number, so values above 0.983 are 1.9 % too rare. A hashed offset, which is added modulo 1 for each decision,
@@ -39,26 +43,26 @@ use crate::base::wgsl::Constant;
 
 /// Scale of the largest cells, log2 of cells per metre.
 pub const LEVEL_MIN: i32 = -5;
-/// Scale of the smallest cells, log2 of cells per metre. [`finest`] has the limit for a place.
+/// Scale of the smallest cells, log2 of cells per metre. [`finest`] returns the limit at a place, which may be lower.
 pub const LEVEL_MAX: i32 = 16;
-/// No cell is narrower than 2^`STEPS` steps of f32 of its coordinate.
+/// No cell is narrower than 2^`STEPS` steps of f32, that is, distances between neighbouring f32 values at its coordinate.
 pub const STEPS: i32 = 4;
 /// Scale of the smallest cells along an axis whose largest coordinate is 1 m: f32 has 23 bits after the leading one.
 const FINEST_AT_1_M: i32 = 23 - STEPS;
 /// The smallest f32 above the square root of 2, as bits after the leading one. Where the elevation passes 2^n times this number, the finest scale
-/// changes. A power of two would not do: it is the elevation of much level ground.
+/// changes. It does not change at the powers of two, because level ground often has such an elevation, and rounding would switch its scale.
 const OCTAVE_BORDER: u32 = 0x35_04f4;
-/// Smallest width of a cell of the anisotropic kind along any axis, as a share of its width along the axis of the widest footprint. A power of two, so
-/// that the product is exact.
+/// Smallest width of a cell of the anisotropic kind along any axis, as a share of the footprint along the axis on which the footprint is widest. A
+/// power of two, so that the product is exact.
 pub const LEAST_SHARE: f64 = 1.0 / 16.0;
-/// Position in a cell, along the elevation, at which the next cell begins: a third, as the nearest f32. A third of a cell is no elevation that data
-/// are rounded to, neither in decimals nor in binary fractions. It is below one half, so that f32 and f64 compare alike: the fraction of a small
-/// negative number, which f32 rounds, is above one half.
+/// Share of the cell width by which borders between cells are above the multiples of the cell width, along the elevation: a third, as the nearest
+/// f32. Elevations in data are rounded to decimals or to binary fractions, and thus never to a third of a cell. The share must not be close to 1: the
+/// fraction of a small negative number is close to 1, and f32 rounds it more coarsely than f64, so the two could compare differently.
 pub const BORDER: f64 = 11_184_811.0 / 33_554_432.0;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// Default scale of the fixed cells, log2 of cells per metre: cells of 6.25 cm.
+/// Default scale of the cells of [`NoiseKind::WhiteWorld`], log2 of cells per metre: cells of 6.25 cm.
 pub const WORLD_LEVEL: i32 = 4;
 /// Interleaved gradient noise: Jimenez' slopes along x and y, 0.06711056 and 0.00583715, in units of 2^-32.
 pub const IGN_SLOPES: [u32; 2] = [288_237_660, 25_070_368];
@@ -244,7 +248,8 @@ pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -
 
 /// The random numbers at two scales that [`hashed_anisotropic`] blends.
 pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
-    // The square root of 2 is the inverse of the paper's factor 0.707. With it, the diagonal of a cell, not its edge, spans the pixel.
+    // A component of a derivative is shorter than the derivative, so cells would be smaller than those of the isotropic kind. The square root of 2,
+    // the inverse of the paper's factor 0.707, compensates for this.
     let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
     let widths: [T; 3] = std::array::from_fn(|i| bounded(widen * point.ddx[i].abs().max(point.ddy[i].abs()), 0.0, 1e6));
     let least = T::of(LEAST_SHARE) * widths[0].max(widths[1]).max(widths[2]);
@@ -286,8 +291,8 @@ pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) 
     hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
 }
 
-/// White noise per cell of a fixed grid in the world. Cells are 2^-`level` m wide; `level` is clamped to [`LEVEL_MIN`] and the smallest of
-/// [`finest`]. In WGSL: `noise_white_world`.
+/// White noise per cell of a fixed grid in the world. Cells are 2^-`level` m wide. `level` is clamped to the range from [`LEVEL_MIN`] to the smallest
+/// of the three results of [`finest`]. In WGSL: `noise_white_world`.
 pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt: u32) -> [T; 4] {
     cell_units(point, [level.clamp(LEVEL_MIN, finest_of_all(point)); 3], seed, salt)
 }
@@ -363,8 +368,8 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// The finest scale along each axis at which a cell has at least 2^[`STEPS`] steps of f32 of its coordinate: log2 of cells per metre, from
-/// [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. In WGSL: `noise_finest`.
+/// The finest scale along each axis at which a cell is at least 2^[`STEPS`] steps of f32 wide: log2 of cells per metre, from [`LEVEL_MIN`]` + 1` to
+/// [`LEVEL_MAX`]. In WGSL: `noise_finest`.
 pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
     let across = finest_along(bounded(point.sector_m, 0.0, 1e12));
     [across, across, finest_along(usable(point.position[2]))]
@@ -408,16 +413,16 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
 /// Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
-/// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
+/// The cell that contains a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
 /// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and a
-/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32. Borders between cells lie at multiples of
-/// their width, along the elevation [`BORDER`] above them.
+/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32. Borders between cells are at the
+/// multiples of the cell width. Along the elevation, they are higher by the share [`BORDER`] of the cell width.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
         let position = point.position[axis];
-        // Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative numbers to zero and others do not, so
-        // they would find different cells.
+        // Tiny positions count as 0. There is a border between two cells at 0. Some devices flush tiny negative numbers to zero and other devices do
+        // not, so without this rule, devices would compute different cells.
         let place = if position.abs() >= T::of(LEAST_M) { position } else { T::zero() };
         let scaled = usable(place) * per_metre;
         let is_above = axis == 2 && scaled - scaled.floor() >= T::of(BORDER);

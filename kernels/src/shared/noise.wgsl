@@ -5,7 +5,7 @@
 // 1000 km from it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
 
 // Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If a sector is at least 32 m wide, its edge is a whole number of
-// cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks holds the blue-noise mask, then the slices of the
+// cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks stores the blue-noise mask, then the slices of the
 // spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
 
 // The largest f32 below 1.
@@ -13,8 +13,8 @@ const NOISE_BELOW_ONE: f32 = 0.99999994;
 // Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
-// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m. A cell then has at least 16 steps of f32, so that the
-// rounding of a position seldom moves it to another cell.
+// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m. A cell is then at least 16 steps of f32 wide, so that
+// the rounding of a position seldom moves it to another cell.
 fn noise_finest_along(largest: f32) -> i32 {
     // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
     let bits = bitcast<u32>(largest);
@@ -50,8 +50,8 @@ fn noise_power_of_two(k: i32) -> f32 {
     return bitcast<f32>(u32(clamp(k, -126, 127) + 127) << 23u);
 }
 
-// The coordinate from which a cell is computed. Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative
-// numbers to zero and others do not, so they would find different cells.
+// The coordinate from which a cell is computed. Tiny positions count as 0. There is a border between two cells at 0. Some devices flush tiny negative
+// numbers to zero and other devices do not, so without this rule, devices would compute different cells.
 fn noise_place(position: f32) -> f32 {
     return usable_1(select(0.0, position, abs(position) >= NOISE_LEAST_M));
 }
@@ -64,13 +64,13 @@ fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
 }
 
-// Cell along the elevation. Borders lie a third of a cell above the multiples of its width, because level ground often has a whole elevation.
+// Cell along the elevation. Borders are a third of a cell above the multiples of the cell width, because level ground often has a whole elevation.
 fn noise_cell_up(elevation: f32, k: i32) -> u32 {
     let scaled = noise_place(elevation) * noise_power_of_two(k);
     return noise_cell(0, elevation, 0.0, k) + select(0u, 1u, scaled - floor(scaled) >= NOISE_BORDER);
 }
 
-// Four uniform numbers of the cell that holds the point, at 2^k cells per metre on each axis.
+// Four uniform numbers of the cell that contains the point, at 2^k cells per metre on each axis.
 fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: vec3<i32>, seed: u32, salt: u32) -> vec4<f32> {
     let biased = vec3<u32>(k + vec3<i32>(128));
     let level = biased.x | (biased.y << 8u) | (biased.z << 16u);
@@ -123,7 +123,8 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
 
 // Hashed alpha with one scale per axis. The parameters are those of noise_hashed_isotropic.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
-    // The factor is sqrt 2, because the diagonal of a cell, not its edge, spans the pixel.
+    // A component of a derivative is shorter than the derivative, so cells would be smaller than those of the isotropic kind. The factor sqrt 2
+    // compensates for this.
     let across = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
     let width = vec3<f32>(usable_positive_1(across.x, 1e6), usable_positive_1(across.y, 1e6), usable_positive_1(across.z, 1e6));
     // The elevation does not change along level ground. Without a lower limit, it would have the smallest cells.
@@ -148,7 +149,8 @@ fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// White noise per cell of a fixed grid in the world. Cells are 2^-level m wide, or as wide as the finest scale of the place allows.
+// White noise per cell of a fixed grid in the world. Cells are 2^-level m wide. `level` is clamped to the range from NOISE_LEVEL_MIN to the finest
+// scale of the place.
 fn noise_white_world(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, level: i32, seed: u32, salt: u32) -> vec4<f32> {
     let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));
     return noise_cell_units(sector, position, sector_m, vec3<i32>(k), seed, salt);

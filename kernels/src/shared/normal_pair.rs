@@ -2,9 +2,9 @@
 //!
 //! Two octahedral codes of 8 + 8 bits would give both normals the same number of bits. But the plane needs more precision. The shading normal comes
 //! from a texture, whose filter blurs it anyway. An error of the plane's normal enters the derivatives divided by the cosine of the angle of
-//! incidence. Two facts save bits for the plane. First, a plane has no front side, so half of the octahedron holds all planes. Second, the shading
-//! normal is usually near the plane's normal, so its code can be predicted from the plane, and only the low bits of the code are stored. With the
-//! saved bits, the lattice of plane normals is 8 times finer: this is the *fine* form. If the two normals are too far apart, the lattice has 127
+//! incidence. Two facts save bits for the plane. First, a plane has no front side, so half of the octahedron can represent all planes. Second, the
+//! shading normal is usually near the plane's normal, so its code can be predicted from the plane, and only the low bits of the code are stored. With
+//! the saved bits, the lattice of plane normals is 8 times finer: this is the *fine* form. If the two normals are too far apart, the lattice has 127
 //! steps, as in an octahedral code of 8 + 8 bits: this is the *plain* form. Both forms keep the 8 + 8 bits of the shading normal exactly:
 //!
 //! | form | bit 31 | bits of the plane | bits of the shading normal |
@@ -20,11 +20,11 @@
 use super::octahedral;
 use super::real::{Real, dot, sub};
 
-/// Fine form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. It has 8 steps for each step of the
-/// shading normal's code.
+/// Fine form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. The lattice has 8 steps for each step
+/// of the shading normal's code.
 pub const FINE: i32 = 1016;
-/// Plain form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. It has as many steps as the shading
-/// normal's code.
+/// Plain form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. The lattice has as many steps as the
+/// shading normal's code.
 pub const PLAIN: i32 = 127;
 /// Fine form: upper limit of the angle between a plane and the decoded plane, radians (0.0798 degrees). It is √2 times a step, as for octahedral
 /// codes. The largest angles occur near the centres of the octahedron's faces. If the angle between a ray and the plane is smaller than this limit,
@@ -34,7 +34,7 @@ pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
 /// Plain form: upper limit of the angle between a plane and the decoded plane, radians (0.638 degrees).
 pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
 
-/// The contents of a word.
+/// The two normals that a word stores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair<T> {
     /// Unit vector, z at least 0: the normal of the plane or its opposite.
@@ -46,7 +46,7 @@ pub struct Pair<T> {
 /// Index of a point of the diamond |x| + |y| <= `half`, which is the upper half of the octahedron. Indices are 0..=2 half² + 2 half, counted along
 /// one diagonal after the other.
 pub fn pack_diamond([x, y]: [i32; 2], half: i32) -> u32 {
-    // The sum and the difference have the same parity, and 2 half + 1 is odd, so the total is even.
+    // x + y and x - y have the same parity, and 2 half + 1 is odd. So the total is even, and the shift loses no bit.
     ((x + y + half) * (2 * half + 1) + (x - y + half)).cast_unsigned() >> 1
 }
 
@@ -94,7 +94,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
 }
 
 /// The predicted code of the shading normal, 0..=254 each: the code that the plane's own normal would have. `p` is the lattice point of the plane in
-/// the fine form.
+/// the fine form, which has 8 steps for each step of the code. Adding 4 before the division by 8 rounds to the nearest code.
 fn predict(p: [i32; 2]) -> [i32; 2] {
     p.map(|x| (x + FINE + 4) >> 3)
 }
@@ -121,7 +121,7 @@ pub fn decode<T: Real>(word: u32) -> Pair<T> {
     if word >> 31 == 0 {
         let p = unpack_diamond(word >> 10, FINE);
         let predicted = predict(p);
-        // The number that has these low bits and differs from the predicted number by -16 to 15.
+        // The code whose five low bits are those of `low` and which differs from the prediction by -16..=15.
         let code = |low: u32, predicted: i32| {
             let code = predicted + (((low & 31).cast_signed() - predicted + 16) & 31) - 16;
             code.clamp(0, 254).cast_unsigned()
@@ -230,7 +230,7 @@ mod tests {
                 assert_eq!(decode::<f64>(encode(n, [0.0; 3], shading)).plane[2], 0.0, "{n:?}");
             }
         }
-        // Values beyond the codes count as the last code.
+        // Codes above 254 count as 254.
         assert_eq!(decode::<f64>(encode([0.0, 0.0, 1.0], [0.0; 3], [255, u32::MAX])).shading, [254, 254]);
     }
 
@@ -256,7 +256,7 @@ mod tests {
                 }
             }
         }
-        // The bounds are tight.
+        // The largest errors are close to the upper limits, so smaller limits would not hold.
         assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
     }
 

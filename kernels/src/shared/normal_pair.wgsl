@@ -16,7 +16,7 @@ struct NormalPair {
 
 // The upper half of the octahedron is the diamond |x| + |y| <= half. Its points are numbered without gaps, along one diagonal after the other.
 fn normal_pair_pack_diamond(p: vec2<i32>, half: i32) -> u32 {
-    // The sum and the difference have the same parity, and 2 half + 1 is odd, so the total is even.
+    // x + y and x - y have the same parity, and 2 half + 1 is odd. So the total is even, and the shift loses no bit.
     return u32((p.x + p.y + half) * (2 * half + 1) + (p.x - p.y + half)) >> 1u;
 }
 
@@ -92,7 +92,7 @@ fn normal_pair_decode(word: u32) -> NormalPair {
         let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);
         let predicted = normal_pair_predict(p);
         let low = vec2<i32>(vec2<u32>(word >> 5u, word) & vec2<u32>(31u));
-        // The number that has these low bits and differs from the predicted number by -16 to 15.
+        // The code whose five low bits are `low` and which differs from the prediction by -16..=15.
         let shading = predicted + ((low - predicted + 16) & vec2<i32>(31)) - 16;
         return NormalPair(normal_pair_direction(p, NORMAL_PAIR_FINE), clamp(shading, vec2<i32>(0), vec2<i32>(254)));
     }

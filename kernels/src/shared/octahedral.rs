@@ -38,7 +38,7 @@ pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
     v.map(|x| x / length)
 }
 
-/// Mirrors a point at the line |x| + |y| = 1 of its quadrant. Points beyond this line, in the corners of the square, are the lower half of the
+/// Mirrors a point at the line |x| + |y| = 1 of its quadrant. Points beyond this line, in the corners of the square, represent the lower half of the
 /// octahedron. The function is its own inverse.
 fn fold<T: Real>(e: [T; 2]) -> [T; 2] {
     let sign = |x: T| if x >= T::zero() { T::one() } else { -T::one() };

@@ -19,7 +19,7 @@ fn select_of_4(weights: vec4<f32>, u: f32) -> u32 {
     if target_sum < below_3 {
         return 2u;
     }
-    // Either u is 1, or the product was rounded up to the total. Choose the last index whose weight is not 0.
+    // Here, u is 1, the product was rounded up to the total, or all weights are 0. Choose the last index whose weight is not 0, or index 0.
     if w.w > 0.0 {
         return 3u;
     }

@@ -9,7 +9,7 @@ use crate::base::wgsl::Constant;
 /// The quantity that the colour of a pixel stands for. Metrics exist for both signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Signal {
-    /// Linear albedo, before lighting. Only for this signal there is a theory of bias and variance.
+    /// Linear albedo, before lighting. Only this signal has a theory of bias and variance.
     #[default]
     Albedo,
     /// The lit picture as a screen shows it: sRGB-encoded values, after exposure and tone curve.
@@ -31,7 +31,7 @@ impl Signal {
 
 /// Largest colour value that f16 can hold.
 pub const LARGEST: f32 = 65_504.0;
-/// Number of bits for the number of fetches. From the lowest bit up, the second word holds 16 bits of blue, the number of fetches, the first random
+/// Number of bits for the number of fetches. From the lowest bit up, the second word stores 16 bits of blue, the number of fetches, the first random
 /// choice (`CHOICE_BITS` bits), and the bit [`TERRAIN`].
 const FETCH_BITS: u32 = 10;
 const CHOICE_BITS: u32 = 5;
@@ -40,7 +40,7 @@ const CHOICE_FROM: u32 = 16 + FETCH_BITS;
 pub const TERRAIN: u32 = 0x8000_0000;
 
 /// The two words of a pixel of terrain whose colour is not finite. Such a pixel does not count as terrain, so it is in no metric but the number of
-/// invalid pixels. No other pixel has these words: its bit [`TERRAIN`] is not set, and the words of sky are 0.
+/// invalid pixels. No other pixel has these words: a terrain pixel with a finite colour has the bit [`TERRAIN`], and the words of sky are 0.
 pub const INVALID: [u32; 2] = [u32::MAX, 0xffff];
 
 /// Constants that the host passes to `signal.wgsl`.
@@ -56,8 +56,8 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("SIGNAL_BLUE", Constant::real(colour::LUMINANCE[2])),
 ];
 
-/// Packs a terrain pixel: colour (clamped to the range of f16), fetches (at most 1023) and first random choice (at most 31, 0 = none). A colour that is
-/// not finite gives [`INVALID`]. In WGSL: `signal_pack`.
+/// Packs a terrain pixel: colour (clamped to the range of f16), fetches (at most 1023) and first random choice (at most 31, 0 = none). A colour that
+/// is not finite gives [`INVALID`]. In WGSL: `signal_pack`.
 pub fn pack(colour: [f32; 3], fetches: u32, choice: u32) -> [u32; 2] {
     if colour.iter().any(|c| !c.is_finite()) {
         return INVALID;
@@ -67,28 +67,28 @@ pub fn pack(colour: [f32; 3], fetches: u32, choice: u32) -> [u32; 2] {
     [bits[0] | bits[1] << 16, bits[2] | known | TERRAIN]
 }
 
-/// Whether the pixel shows terrain, but its colour is not finite. In WGSL: `signal_is_invalid`.
+/// Whether a packed pixel is a terrain pixel whose colour is not finite. In WGSL: `signal_is_invalid`.
 pub fn is_invalid(signal: [u32; 2]) -> bool {
     signal == INVALID
 }
 
-/// Whether the pixel shows terrain, with a finite colour.
+/// Whether a packed pixel is a terrain pixel whose colour is finite.
 pub fn is_terrain(signal: [u32; 2]) -> bool {
     signal[1] >= TERRAIN
 }
 
-/// Colour.
+/// The colour of a packed pixel.
 #[allow(clippy::cast_possible_truncation, reason = "extracts 16-bit parts of a word")]
 pub fn colour(signal: [u32; 2]) -> [f32; 3] {
     [signal[0] as u16, (signal[0] >> 16) as u16, signal[1] as u16].map(|bits| f16::from_bits(bits).to_f32())
 }
 
-/// Counted fetches.
+/// The number of counted fetches of a packed pixel.
 pub fn fetches(signal: [u32; 2]) -> u32 {
     signal[1] >> 16 & ((1 << FETCH_BITS) - 1)
 }
 
-/// First random choice, 0 = none.
+/// The first random choice of a packed pixel; 0 = none.
 pub fn choice(signal: [u32; 2]) -> u32 {
     signal[1] >> CHOICE_FROM & ((1 << CHOICE_BITS) - 1)
 }

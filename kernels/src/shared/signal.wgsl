@@ -1,5 +1,5 @@
 // A pixel of a measured sequence, packed into two words: a colour as f16, and the number of texture fetches and the first random choice that the
-// shading pass recorded. Word 0 holds red and green. From the lowest bit up, word 1 holds 16 bits of blue, the number of fetches, the first random
+// shading pass recorded. Word 0 stores red and green. From the lowest bit up, word 1 stores 16 bits of blue, the number of fetches, the first random
 // choice (zero if there was none), and a bit that marks terrain.
 
 // SIGNAL_FETCH_BITS, SIGNAL_CHOICE_BITS: numbers of bits for the number of fetches and for the choice. SIGNAL_TERRAIN: the bit of the second word
@@ -37,7 +37,7 @@ fn signal_choice(signal: vec2<u32>) -> u32 {
     return extractBits(signal.y, SIGNAL_CHOICE_FROM, SIGNAL_CHOICE_BITS);
 }
 
-// The pixel with its colour replaced.
+// Returns the packed pixel with a different colour.
 fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
     return signal_pack(colour, signal_fetches(signal), signal_choice(signal));
 }

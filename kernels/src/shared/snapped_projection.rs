@@ -12,7 +12,7 @@ use super::real::Real;
 use super::triplanar;
 use super::usable;
 
-/// 1/√2 in units of 1/256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
+/// 1/√2 in units of 1/256. 181/256 is 0.011 % too small, but products of whole sectors with it are exact in fixed point.
 const DIAGONAL: i32 = 181;
 
 /// Chooses the plane for a normal. The slope is steep if |z| of the unit normal is below `cosine`.
@@ -58,8 +58,8 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. On a diagonal plane, only the fractional
-/// bits of the result are valid, so it can be used with scale 0 only.
+/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. That format lacks the bits above 2^32. On a
+/// diagonal plane, the division by 256 therefore leaves only the 24 fractional bits of the result valid. Use the result with scale 0 only.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),

@@ -4,9 +4,9 @@
 // After Terrain3D (TokisanGames, main.glsl, get_material): there, the splat texel's normal is rounded to a coarse grid if its vertical component is
 // below a threshold, and the texture is projected onto the plane perpendicular to the rounded normal.
 
-// 1 / sqrt 2 in units of 1 / 256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
+// 1 / sqrt 2 in units of 1 / 256. 181 / 256 is 0.011 % too small, but products of whole sectors with it are exact in fixed point.
 const SNAPPED_DIAGONAL: i32 = 181;
-// tan 22.5 degrees.
+// tan 22.5 degrees. The eight directions are 45 degrees apart, so each includes the azimuths up to 22.5 degrees to either side.
 const SNAPPED_HALF_STEP: f32 = 0.41421356;
 
 // Chooses the plane for a normal. The slope is steep if |z| of the unit normal is below `cosine`.
@@ -57,8 +57,8 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     return place.xy;
 }
 
-// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. On a diagonal plane, only the fractional bits of the
-// result are valid, so it can be used with scale 0 only.
+// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. That format lacks the bits above 2^32. On a diagonal
+// plane, the division by 256 therefore leaves only the 24 fractional bits of the result valid. Use the result with scale 0 only.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);

@@ -1,8 +1,8 @@
 //! Weights of the four splat texels around a point: bilinear weights, modified by the heights of the materials.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k (h_i - h_max)), normalised, with bilinear w. Each
-//! weight keeps its bilinear factor w_i. The weight of a texel therefore rises from 0 and falls to 0 without a jump, whatever the height of the
-//! texel. Texels are in the order 00, 10, 01, 11 (x first).
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k h_i), normalised, where w are the bilinear
+//! weights, h the heights of the materials and k the sharpness. Because of the factor w_i, the weight of a texel rises from 0 and falls to 0 without
+//! a jump as the point moves, whatever the height of the texel. Texels are in the order 00, 10, 01, 11 (x first).
 
 use super::real::Real;
 use super::{bounded, usable};
@@ -39,7 +39,7 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     bent.map(|x| x / sum)
 }
 
-/// The weights of [`weights`], computed term by term for callers that cannot hold all four terms. For each term, first multiply the sum so far by
+/// The weights of [`weights`], computed term by term for callers that cannot store all four terms. For each term, first multiply the sum so far by
 /// `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of the
 /// terms by the sum of the shares.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -23,8 +23,8 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let used = w > vec4<f32>(SPLAT_BLEND_MIN_WEIGHT);
 
-    // The terms are divided by the largest term, not by the term of the highest texel: the largest term is then exactly 1, no term exceeds 1 by more
-    // than rounding, and the sum cannot underflow if the weight of the highest texel is tiny.
+    // All terms are divided by the largest term. The largest term is then exactly 1, no term exceeds 1 by more than rounding, and the sum cannot
+    // underflow. A division by 2^(k h_max), with the largest height h_max, would not be enough: the weight of the highest texel may be tiny.
     let score = select(vec4<f32>(-1e30), log2(max(w, vec4<f32>(SPLAT_BLEND_MIN_WEIGHT))) + k * h, used);
     var best_score = score.x;
     var best_weight = w.x;
@@ -49,9 +49,9 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
 
-// The weights of splat_blend_weights, computed term by term for callers that cannot hold all four terms. For each term, first multiply the sum so far
-// by `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of the
-// terms by the sum of the shares.
+// The weights of splat_blend_weights, computed term by term for callers that cannot store all four terms. For each term, first multiply the sum so
+// far by `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of
+// the terms by the sum of the shares.
 struct SplatBlendRun {
     score: f32,                 // log2 w + k h of the largest term so far
     weight: f32,                // w of that term

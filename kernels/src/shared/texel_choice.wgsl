@@ -16,7 +16,7 @@ fn texel_choice_texel(coordinate: f32, size: u32, u: f32) -> u32 {
     let texels = f32(max(size, 1u));
     let usable = select(0.0, coordinate, usable_within_1(coordinate, 1e5));
     // Whole repeats do not change the texel. They are removed first; otherwise, the product with the number of texels would lose digits of the
-    // fraction.
+    // fraction. The centre of texel i is at i + 0.5 texels, so 0.5 is subtracted.
     let x = (usable - floor(usable)) * texels - 0.5;
     let below = floor(x);
     let texel = below + select(0.0, 1.0, u < x - below);

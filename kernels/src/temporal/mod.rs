@@ -105,9 +105,9 @@ pub enum SamplePattern {
     /// At the centre.
     #[default]
     Centre,
-    /// In even frames of FlipQuad: on the left edge of the pixel, below its middle in even columns and above its middle in odd columns.
+    /// In even frames of FlipQuad: on the left edge of the pixel. In even columns, below the middle of the edge; in odd columns, above it.
     LeftEdges,
-    /// In odd frames of FlipQuad: on the top edge of the pixel, left of its middle in even rows and right of its middle in odd rows.
+    /// In odd frames of FlipQuad: on the top edge of the pixel. In even rows, left of the middle of the edge; in odd rows, right of it.
     TopEdges,
 }
 
@@ -128,8 +128,8 @@ impl SamplePattern {
         }
     }
 
-    /// A pixel is shaded at one sample, on one of its edges, and takes a second sample from a neighbour: the one on the opposite edge. Returns
-    /// the step from the pixel to that neighbour. With samples at the centre of pixels, the step is 0.
+    /// Returns the step from a pixel to the neighbour that provides the second sample of the pixel. FlipQuad shades each pixel at a sample on one of
+    /// its edges. The sample on the opposite edge is shaded by the neighbour at that edge. With samples at the centre of pixels, the step is 0.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],
@@ -215,8 +215,8 @@ impl Temporal {
         Ok(Temporal { pipeline, frame_layout, layout })
     }
 
-    /// Records the resolve of frame `index` of one stream. Reads `signal`, the ring of shaded pictures. Writes `resolved`: the ring of resolved
-    /// pictures, and two histories.
+    /// Records the resolve of frame `index` of one stream. Reads `signal`, the ring of shaded pictures. `resolved`: the ring of resolved pictures,
+    /// and a buffer with two histories. The pass reads the previous history and writes the new history.
     #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,

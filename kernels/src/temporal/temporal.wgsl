@@ -1,5 +1,5 @@
-// Temporal resolve of one stream of pictures: averages FlipQuad's four samples from two frames, then blends the result into an exponential history,
-// which is first clamped to the 3 x 3 colour box of the current frame.
+// Temporal resolve of one stream of pictures, in two steps that are both optional. FlipQuad averages four samples from two frames. The exponential
+// resolve clamps the history to the 3 x 3 colour box of the current frame and then blends the current colour into it.
 // Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling);
 // Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
 
@@ -11,8 +11,8 @@ struct TemporalFrame {
     flipquad: u32,              // 1 = average FlipQuad's samples
     exponential: u32,           // 1 = blend into the history
     share: f32,                 // share of the current frame in the history, (0, 1]
-    neighbour: vec2<u32>,       // step to the pixel that owns this frame's second sample: (1, 0) or (0, 1)
-    past_neighbour: vec2<u32>,  // step to the pixel that owns the second sample of the previous frame
+    neighbour: vec2<u32>,       // step to the neighbour whose sample is the second sample of a pixel in this frame: (1, 0) or (0, 1)
+    past_neighbour: vec2<u32>,  // the same step for the previous frame
     history_in: u32,            // index in `history` at which the previous history begins
     history_out: u32,           // index in `history` at which the new history begins
     pad_0: u32,
@@ -68,7 +68,7 @@ fn temporal_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = temporal_index(pixel);
     let raw = signal[temporal.slot + at];
     if !signal_is_terrain(raw) {
-        // An invalid pixel stays invalid, so that it is counted.
+        // Sky and invalid pixels are copied. An invalid pixel must stay invalid, so that it is counted.
         resolved[temporal.slot + at] = raw;
         history[temporal.history_out + at] = vec4<f32>(0.0);
         return;

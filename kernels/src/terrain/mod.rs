@@ -63,8 +63,8 @@ struct Resources {
 
 fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu::TextureFormat) -> wgpu::Texture {
     let (size, levels) = chains.first().map_or((4, 1), |c| (c.size, c.levels.len()));
-    // The smallest mip levels are smaller than a compressed block, and not every driver can address such a level. wgpu pads these levels to whole
-    // blocks.
+    // The smallest mip levels have fewer texels than a compressed block of 4 x 4. They are allocated and uploaded as whole blocks, as WebGPU
+    // specifies ("physical miplevel-specific texture extent").
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: u32::try_from(chains.len().max(1)).unwrap_or(1) },

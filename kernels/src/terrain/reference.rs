@@ -16,7 +16,7 @@ use crate::terrain::palette_means;
 use crate::world::payload::{BORDER, NodePayload, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{NodeId, World};
 
-/// The quantities that a blend sums, as in WGSL.
+/// The quantities that a blend sums, as in the struct `Surface` of `terrain.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Surface {
     /// Linear albedo.
@@ -180,10 +180,11 @@ impl<'w> Ground<'w> {
         Cell { ids, fraction: (at - corner).to_array() }
     }
 
-    /// The baked albedo and normal of the far atlas at a place; the surface has no height and no gradient.
+    /// The baked albedo and normal of the far atlas at a place. Height and gradient of the surface are 0.
     pub fn baked(&self, spot: &Spot) -> (Surface, DVec3) {
         let node = &self.nodes[&spot.node];
-        // Texel (i, j) has its centre at (i - 1.5) / 128.
+        // The map has 128 x 128 texels and a border of 2 texels. So the centre of texel i is at the node coordinate (i - 2 + 0.5) / 128, and `at` is
+        // measured from the centre of texel 0.
         let at = spot.uv * 128.0 + (BORDER as f64 - 0.5);
         let corner = at.floor().clamp(DVec2::ZERO, DVec2::splat(TEXTURE_SIDE as f64 - 2.0));
         let f = at - corner;
@@ -206,7 +207,7 @@ impl<'w> Ground<'w> {
     /// One material in one projection. A repeat of the texture is 2^`scale` times as wide as at scale 0.
     pub fn material(&self, id: u8, projection: &Projection, scale: u32) -> Surface {
         let entry = &self.entries[usize::from(id)];
-        // Repeats per metre times cos and sin of the orientation.
+        // Repeats per metre, times cos and sin of the orientation. The palette stores repeats per sector with 24 fractional bits: 16 777 216 is 2^24.
         let sector_m = self.world.layout().sector_m;
         let rate =
             DVec2::from_array(entry.per_sector_fixed.map(|fixed| f64::from(fixed) / 16_777_216.0 / sector_m)) / f64::from(1u32 << scale);

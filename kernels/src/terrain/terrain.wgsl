@@ -2,8 +2,8 @@
 // detail textures. The function `count_fetch` is called before every texture access by which shading reads terrain data.
 
 override COUNT_FETCHES: bool = false;
-// Whether detail textures are filtered anisotropically, with gradients. If not, the mip level of all three textures of a tap follows from
-// the longer of the two gradients.
+// Whether detail textures are filtered anisotropically, with the gradients of the texture coordinates along both axes of the screen. If not, the mip
+// level of all three textures of a tap follows from the longer of the two gradients.
 override ANISOTROPIC: bool = false;
 // Whether detail textures are hex-tiled: each is sampled three times, at random offsets.
 override HEX_TILING: bool = false;
@@ -320,9 +320,9 @@ fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale
     return terrain_surface(entry, projection, rate, terrain_texels_chosen(entry, projection, rate, uv, u, v));
 }
 
-// Loops over taps run to `frame.taps` (always 4), `frame.taps - 1u` (3 projections) and `frame.taps - 2u` (2 tilings) instead of constants,
-// so that they are not unrolled. An unrolled splat flavour has 36 texture samples, and software Vulkan takes seconds to compile it,
-// although it runs in milliseconds.
+// Loops run to an expression of `frame.taps` (always 4) instead of a constant, so that they are not unrolled: `frame.taps` for 4 taps,
+// `frame.taps - 1u` for 3 projections or hexagons, `frame.taps - 2u` for 2 tilings, `2u * frame.taps` for 8 layers. An unrolled splat flavour has 36
+// texture samples, and software Vulkan takes seconds to compile it, although it runs in milliseconds.
 
 // Blends four taps with bilinear weights that are modified by height: sixteen fetches. Each tap is added to the sum as soon as it is
 // fetched. An array of taps would be stored in memory and not in registers, because a loop that is not unrolled would index it.
@@ -379,7 +379,7 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
 const TERRAIN_LAYER_BITS: u32 = 8u;
 
 // Blends eight layers: twenty-eight fetches, for the four splat ids that form the blend map, and for the three textures of each layer. All
-// layers are always sampled, as in the original shader of the method.
+// layers are always sampled, as in Luna's shader (see layers.wgsl).
 fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var layers: vec4<u32>;

@@ -130,7 +130,7 @@ impl View {
         self.clip_from_local.as_mat4()
     }
 
-    /// The ray of a pixel.
+    /// The ray of a pixel; whole numbers are pixel centres.
     pub fn ray(&self, x: f64, y: f64) -> DVec3 {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }

@@ -4,13 +4,13 @@
 struct Frame {
     clip_from_local: mat4x4<f32>,
     camera: vec3<f32>,          // camera in local coordinates
-    sector_m: f32,              // edge of a sector
+    sector_m: f32,              // edge of a sector, metres
     ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0); its component along the view direction is 1
     near_m: f32,                // distance of the near plane; the stored depth is near_m / distance along the view direction
     ray_dx: vec3<f32>,          // step of the ray per pixel to the right
-    height_low_m: f32,          // elevation of the stored height 0
+    height_low_m: f32,          // elevation of the stored height 0, metres
     ray_dy: vec3<f32>,          // step of the ray per pixel down
-    height_span_m: f32,         // elevation of the stored height 1 minus that of 0
+    height_span_m: f32,         // elevation of the stored height 1 minus that of 0, metres
     camera_sector: vec2<i32>,   // sector of the camera, counted from the world's south-west corner
     size: vec2<u32>,            // size of the image, pixels
     seed: u32,
@@ -19,9 +19,9 @@ struct Frame {
     page_levels: u32,           // levels of the virtual texture
     tiles: vec2<u32>,           // size of the image in tiles, rounded up
     hash_scale: f32,            // cell size of hashed noise, pixels
-    height_sharpness: f32,      // k in w 2^(k h)
-    triplanar_sharpness: f32,   // k in |n|^k
-    gradient_scale: f32,        // 2^mip bias
+    height_sharpness: f32,      // k in the height blend w 2^(k h), see splat_blend.wgsl
+    triplanar_sharpness: f32,   // k in the weights |n|^k, see triplanar.wgsl
+    gradient_scale: f32,        // factor on texture gradients, 2^(mip bias)
     page_texels_per_m: f32,     // texel density of virtual-texture level 0
     page_anisotropy: f32,       // largest ratio of the two axes of a footprint that page filtering covers, 1..4
     flavours: FlavourParams,
@@ -33,8 +33,8 @@ struct Frame {
     sample_pattern: u32,        // where each pixel is sampled: 0 = centre, 1 = left edge, 2 = top edge; see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
     normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
-    data_low: vec2<f32>,        // south-west corner of the data in local coordinates; for a procedural world, of the world
-    data_high: vec2<f32>,       // north-east corner of the data in local coordinates
+    data_low: vec2<f32>,        // south-west corner of the data (of the world, if it is procedural) in local coordinates
+    data_high: vec2<f32>,       // north-east corner of the data (of the world, if it is procedural) in local coordinates
 }
 
 // Encodings of the two normals. NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the

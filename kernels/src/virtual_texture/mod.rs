@@ -1,9 +1,9 @@
 //! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
 //!
 //! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map. Writes the page table (R32Uint): 64 x
-//! 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell holds the physical layer + 1 in 11 bits and, as a
-//! tag, the part of the page's address that does not follow from the cell. Also writes the physical pages, which are layers of three array
-//! textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side,
+//! 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell stores the physical layer + 1 (0 = no page) in 11
+//! bits and, as a tag, the part of the page's address that does not follow from the cell. Also writes the physical pages, which are layers of three
+//! array textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side,
 //! and a second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
 //!
@@ -55,8 +55,8 @@ pub const WINDOW: u32 = 64;
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
-/// Number of low bits of a page-table cell that hold the physical layer + 1. The tag is above them: first the bits of the column, then the bits of
-/// the row.
+/// Number of low bits of a page-table cell that store the physical layer + 1. The tag is above these bits: first the bits of the column, then the
+/// bits of the row.
 const LAYER_BITS: u32 = 11;
 const LAYER_MASK: u32 = (1 << LAYER_BITS) - 1;
 const TAG_MASK: u32 = (1 << TAG_BITS) - 1;
@@ -676,7 +676,7 @@ mod tests {
             let camera = [i64::from(page.x << page.level) + 900, i64::from(page.y << page.level) - 900];
             assert_eq!(PageId::of_request(page.cell(), page.tag() | 1, camera), page);
         }
-        // Negative control: a page one window away has the same cell but a different tag.
+        // Negative control: a page `WINDOW` columns away has the same cell but a different tag.
         let (a, b) = (PageId { level: 2, x: 10, y: 5 }, PageId { level: 2, x: 10 + WINDOW, y: 5 });
         assert_eq!(a.cell(), b.cell());
         assert_ne!(a.tag(), b.tag());

@@ -1,6 +1,6 @@
 //! The virtual texture in f64: the reference for its pages, its addresses and its filtering.
 //!
-//! A page of level l holds the splat blend as seen from above. The texel centres of mip 0 are 2^l / 256 m apart; those of mip 1 are twice as far
+//! A page of level l stores the splat blend as seen from above. The texel centres of mip 0 are 2^l / 256 m apart; those of mip 1 are twice as far
 //! apart. Texels of neighbouring pages form one grid that begins at the south-west corner of the world, so the reference needs no pages: it evaluates
 //! the blend at the texels around a position, and filters them.
 
@@ -33,7 +33,7 @@ pub fn sample(ground: &Ground<'_>, position: DVec3, steps: [DVec3; 2], mip_bias:
     Some(Surface::default().plus(1.0 - mip, fine?).plus(mip, coarse?))
 }
 
-/// Bilinearly filters the texels of one density around a position. A texel stores the gradient as a normal.
+/// Bilinearly filters the four texels around a position. Neighbouring texels are `texel_m` metres apart. A texel stores the gradient as a normal.
 fn bilinear(ground: &Ground<'_>, at: DVec2, texel_m: f64) -> Option<Surface> {
     let texels = at / texel_m - 0.5;
     let corner = texels.floor();

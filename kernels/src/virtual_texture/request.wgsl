@@ -37,6 +37,6 @@ fn virtual_texture_mark(place: Place, level: u32) {
     let cell = page & vec2<i32>(VIRTUAL_WINDOW - 1);
     let index = (level * u32(VIRTUAL_WINDOW) + u32(cell.y)) * u32(VIRTUAL_WINDOW) + u32(cell.x);
     // Requested pages whose columns and rows differ by multiples of 64 share a cell. The page with the larger tag is kept, so the result
-    // does not depend on the order of threads.
+    // does not depend on the order of threads. Bit 0 is set, so that a request is not 0 even if the tag is 0.
     atomicMax(&requests[index], virtual_texture_tag(page) | 1u);
 }

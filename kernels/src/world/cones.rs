@@ -2,8 +2,8 @@
 //! quads.
 //!
 //! A cone is an axis a and a half angle: angle(n, a) <= half angle for every triangle normal n of the patch. It is stored in one texel of a
-//! BC3 image (SYSTEMS A, the part of the talk on terrain data). Red and green hold x and y of the axis (a coordinate v is stored as 0.5 v + 0.5),
-//! alpha holds sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled.
+//! BC3 image (SYSTEMS A, the part of the talk on terrain data). Red and green store x and y of the axis (a coordinate v as 0.5 v + 0.5), alpha
+//! stores sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled.
 //! Block compression can turn the axis by several degrees. The half angle is therefore measured from the *decoded* axis. The alpha block is written
 //! so that no decoded sine is smaller than its cone needs (ruling 5 in `ARCHITECTURE.md`).
 

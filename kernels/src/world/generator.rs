@@ -1,10 +1,16 @@
 //! A procedural alpine world: elevation as a function of position and seed only.
 //!
-//! The elevation is built from these layers, each of which depends on the previous layers: domain warp; a network of broad valleys (zero lines of
-//! noise); ridged multifractal massifs whose octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is
-//! Quilez's "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock
-//! faces, from a few metres to more than 100 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are
-//! sums, products, quotients, square roots and floors, so that all machines agree on every bit.
+//! The elevation is built from these layers, each of which depends on the previous layers:
+//!
+//! 1. Domain warp.
+//! 2. A network of broad valleys along the zero lines of noise.
+//! 3. Massifs: ridged multifractal noise (Musgrave 1994). Its octaves are weaker where the ground is already steep, as in Quilez's "derivative" fBm.
+//! 4. Gullies that run down the local slope.
+//! 5. Buttresses.
+//! 6. Strata of three thicknesses. Their hard beds form rock faces, from a few metres to more than 100 m tall; their soft beds form ledges.
+//! 7. Fine relief, down to a wavelength of about a metre.
+//!
+//! All computations are sums, products, quotients, square roots and floors, so that all machines agree on every bit.
 
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
@@ -354,7 +360,7 @@ impl Generator {
         let room = lift.v / (lift.v + 0.12);
         let mut weight = lift.map(room, 0.12 / ((lift.v + 0.12) * (lift.v + 0.12)));
         let mut amplitude = 860.0;
-        // Gullies run down both sides of a crest and end below it. If they crossed the crest, they would cut it into teeth.
+        // Gullies run down both sides of a crest and end below it. If they crossed the crest, they would cut notches into it.
         let mut below_crest = 1.0;
         for (octave, k) in self.massifs.iter().zip(0..) {
             let n = warped(octave.noise(px, py));
@@ -371,7 +377,7 @@ impl Generator {
             }
         }
 
-        // Summits stand out: the part of the height above 850 m is raised by up to a third.
+        // Raises summits: the part of the height above 850 m is increased by up to a third.
         let above = (height.v - 850.0).max(0.0);
         let denominator = 1.0 / (above + 350.0);
         let stretch = height.map(0.33 * above * above * denominator, 0.33 * above * (above + 700.0) * denominator * denominator);

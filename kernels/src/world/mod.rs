@@ -344,12 +344,13 @@ impl World {
     }
 
     /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, and triangles with alternating diagonals (ruling 11 in
-    /// `ARCHITECTURE.md`). The result outside the data is that at the nearest point on the edge of the data.
+    /// `ARCHITECTURE.md`). Outside the data, the result is the height at the nearest point on the edge of the data.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
-        // Cells count from the south-western corner of the world. The result is a cell, and the position in the part of it that has data, 0..=1. All
-        // divisions by 1 and by powers of two are exact, so cells without an edge are not affected by the edge of the data.
+        // Returns a cell, counted from the south-western corner of the world, and the position (0..=1) in the part of the cell that has data. If no
+        // edge of the data crosses the cell, this part is the whole cell. The divisor `end - start` is then 1, so the division does not change the
+        // position.
         let locate = |v: f64, half_extent: f64| {
             let [low, high] = [half - half_extent, half + half_extent].map(|edge| edge / spacing);
             let at = ((v + half) / spacing).max(low).min(high);
@@ -389,13 +390,14 @@ impl World {
             })
     }
 
-    /// Whether a vertex at this position lies in a hole where it is drawn.
+    /// Whether a vertex at this position is drawn inside a hole. It may be drawn at a different position, see [`World::drawn_at`].
     fn opens_at(&self, vertex: [f64; 2]) -> bool {
         let [x, y] = self.drawn_at(vertex);
         self.is_hole(x, y)
     }
 
-    /// Whether certainly no vertex of a rectangle (south-west corner, north-east corner) lies in a hole where it is drawn.
+    /// Whether it is certain that no vertex of a rectangle is drawn inside a hole. `low` and `high`: south-west and north-east corner of the
+    /// rectangle.
     fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
         let [low, high] = [low, high].map(|corner| self.drawn_at(corner));
         let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
@@ -555,8 +557,9 @@ impl World {
     }
 }
 
-/// Returns the multiple of the vertex spacing that is equal to `length_m` except for rounding; `length_m` if there is none. Otherwise, an edge of the
-/// data that should lie on a line of vertices would add a row of triangles that are nearly as thin as the rounding.
+/// Rounds `length_m` to a multiple of the vertex spacing if the two differ only by a rounding error; returns `length_m` if they differ by more.
+/// Without this function, an edge of the data that should lie on a line of vertices could miss it by a rounding error. This would add a row of
+/// triangles with almost no width.
 fn on_vertex(length_m: f64, vertices_m: f64) -> f64 {
     let nearest = (length_m / vertices_m).round() * vertices_m;
     if nearest > 0.0 && (nearest - length_m).abs() < 1e-6 * vertices_m { nearest } else { length_m }

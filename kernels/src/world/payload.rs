@@ -47,8 +47,9 @@ pub struct PaletteMeans {
 
 /// The data that is loaded for one node; 72 419 bytes in GPU formats.
 ///
-/// Vertex (i, j) lies at i/128, j/128 of the node's edge from its south-west corner; row 0 is south. Texel (i, j) of a 132 x 132 image
-/// has its centre at (i - 1.5)/128; splat texel (i, j) lies at i/64.
+/// Positions are shares of the node's edge, measured from its south-west corner; row 0 is south. Vertex (i, j) is at (i/128, j/128), and splat texel
+/// (i, j) is at (i/64, j/64). A 132 x 132 image begins 2 texels outside the node, and the centre of a texel is half a texel from its edges. So the
+/// centre of texel (i, j) is at ((i - 1.5)/128, (j - 1.5)/128).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodePayload {
     /// The node to which the data belong.
@@ -62,7 +63,8 @@ pub struct NodePayload {
     /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, whose z is above 0 (a coordinate v is stored as 0.5 v + 0.5);
     /// red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
-    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole, where it is drawn.
+    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 if vertex (i - 2, j - 2) is drawn inside a hole. The border has 2 texels, so this vertex is
+    /// the south-west corner of the texel.
     pub albedo: Vec<u8>,
     /// BC1 132 x 132, linear; a value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
@@ -93,7 +95,7 @@ impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
         let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
+        // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
@@ -158,7 +160,7 @@ impl Grid {
         for j in 0..GRID_SIDE {
             for i in 0..GRID_SIDE {
                 let [x, y] = grid.vertex(i, j);
-                // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
+                // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
                 if i % 2 == 0 && j % 2 == 0 {
                     let [height, measured] = world.heights_m(x, y);
                     grid.heights.push(height);
@@ -182,8 +184,8 @@ impl Grid {
         self.heights[j * GRID_SIDE + i]
     }
 
-    /// Distances, metres, between neighbouring vertices along an axis (0 = x, 1 = y) as they are drawn. Number k is that between vertices k and k + 1
-    /// of the working grid. Beyond the edge of a heightmap, it is 0.
+    /// Distances, metres, between the drawn positions of neighbouring vertices along an axis (0 = x, 1 = y). Entry k is the distance between vertices
+    /// k and k + 1 of the working grid. Beyond the edge of a heightmap, distances are 0.
     fn steps(&self, world: &World, axis: usize) -> Vec<f64> {
         let at = |k: usize| world.clipped(axis, self.vertex(k, k)[axis]);
         (0..TEXTURE_SIDE).map(|k| at(k + 1) - at(k)).collect()
@@ -194,7 +196,7 @@ impl Grid {
         [self.vertex(i - 1, j - 1), self.vertex(i + 1, j + 1)].into_iter().all(|corner| world.drawn_at(corner) == corner)
     }
 
-    /// Applies [`filtered`] to every height that has neighbours on all sides.
+    /// Applies [`filtered`] to every vertex that has neighbours on all sides and is inner ([`Grid::is_inner`]).
     fn filter(&mut self, world: &World) {
         let last = GRID_SIDE - 1;
         let mut heights = self.heights.clone();
@@ -216,8 +218,8 @@ impl Grid {
         height
     }
 
-    /// Unit normal at the centre of a texel, from the heights at its four corners. Column and row of the texel, each with the distance between its
-    /// corners, metres.
+    /// Unit normal at the centre of a texel, from the heights at its four corners. The argument is the column and the row of the texel, each with the
+    /// distance between the corners of the texel along its axis, metres.
     fn normal(&self, [(i, width), (j, depth)]: [(usize, f64); 2]) -> [f64; 3] {
         let [sw, se, nw, ne] = [self.height(i, j), self.height(i + 1, j), self.height(i, j + 1), self.height(i + 1, j + 1)];
         let dx = (se - sw + ne - nw) / (2.0 * width);
@@ -256,7 +258,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // A splat texel spans two vertices, and the working grid starts one splat texel outside the node.
+            // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
@@ -385,8 +387,8 @@ fn unorm8(v: f64) -> u8 {
     (v * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
-/// For each column (or row) of texels, the column that gives its normals, and the distance between its corners, metres. A column without width lies
-/// beyond the edge of a heightmap, and repeats the nearest column that has a width: drawn ground at the edge is filtered with it.
+/// Returns, for each column (or row) of texels, the column from which its normals are computed, and the width of this column, metres. A column beyond
+/// the edge of a heightmap has no width. It repeats the nearest column that has a width, because texture filtering at the edge reads it.
 fn columns_with_ground(steps: &[f64]) -> Vec<(usize, f64)> {
     let has_width = |k: &usize| steps[*k] > 0.0;
     let first = (0..steps.len()).find(has_width).unwrap_or(0);

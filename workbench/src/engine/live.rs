@@ -1,4 +1,5 @@
-//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping. Surface points are followed from frame to frame.
+//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker, residual flicker and clumping. Surface points are followed from
+//! frame to frame.
 
 use std::collections::VecDeque;
 
@@ -74,7 +75,6 @@ impl Live {
             self.sum_again(metrics, request.view.size);
             return Ok(());
         };
-        // Flips and flicker compare consecutive frames. If a frame is missing, no surface point is followed across the gap.
         let mut found = match renderer.drawn_as(request) {
             Ok(frame) => frame.link(links)?,
             // The last picture was B, and its geometry differs from that of A. The links between pixels of two frames need the geometry of A, so draw
@@ -89,6 +89,7 @@ impl Live {
                 renderer.draw(&again)?.link(links)?
             }
         };
+        // Flips and flicker compare consecutive frames. If a frame is missing, no surface point is followed across the gap.
         let follows = |last: &RenderRequest| {
             request.shading.frame == last.shading.frame || request.shading.frame == last.shading.frame.wrapping_add(1)
         };

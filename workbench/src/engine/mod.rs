@@ -1,9 +1,10 @@
 //! The drawing thread: the window never waits for a picture, and drawing never waits for the window.
 //!
-//! The thread has a device of its own. A mailbox with room for one request ([`Wish`]) holds the next one; a newer request replaces an older one. A
-//! second mailbox holds what the thread reports ([`News`]), with the last picture. Pictures are passed as texels, not as textures of a shared device,
-//! for two reasons. On a software adapter, two devices have two queues, so a long frame does not delay clicks. And if the device of the thread is
-//! lost, it can be replaced; meanwhile, the window stays usable but receives no new pictures.
+//! The window and the thread exchange messages through two mailboxes. The first mailbox stores one request ([`Wish`]); a newer request replaces an
+//! older one. The second mailbox stores what the thread reports ([`News`]), including the last picture. The thread and the window use separate
+//! devices, so pictures are passed as texels and not as textures of a shared device. There are two reasons. On a software adapter, separate devices
+//! have separate queues, so a long frame does not delay clicks. And if the device of the thread is lost, it can be replaced; meanwhile, the window
+//! stays usable but receives no new pictures.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -43,11 +44,11 @@ use sketch::Sketch;
 
 /// Width and height of a picture that is drawn only to compile a shader, pixels.
 const WARMING_SIDE: u32 = 16;
-/// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice, which on a software adapter takes
-/// as long as drawing the picture.
+/// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice. On a software adapter, painting
+/// the window takes as long as drawing the picture.
 const SOON: Duration = Duration::from_micros(1);
-/// Repaint delay for progress. On a software adapter, painting the window for each step, or animating a spinner, would make the task take almost
-/// twice as long.
+/// Repaint delay for the progress of a task. On a software adapter, painting the window for each step of the task, or animating a spinner, would make
+/// the task take almost twice as long.
 pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
 /// Maximum number of times that a lost device is replaced if no picture is finished in between. First looks do not count as pictures.
 const DEVICES: u32 = 3;
@@ -205,7 +206,7 @@ impl Engine {
         lock(&self.boxes.mail).lose = count;
     }
 
-    /// From now on, compiles the shaders that a click may need: while there is no picture to draw, and one after each picture.
+    /// From now on, compiles the shaders that a click may need: while there is no picture to draw, and one shader after each picture.
     pub fn warm(&self) {
         lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();

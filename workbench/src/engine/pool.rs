@@ -2,8 +2,8 @@
 //! shaders for a minute per scene.
 //!
 //! When its window closes, a thread forgets what it drew and measured, but keeps its device and the loaded scene, with shaders, terrain nodes and
-//! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Counts of work in a frame, such as the
-//! number of nodes that it loaded, do depend on it. Tests that check such counts therefore start a thread of their own.
+//! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Some counts of a frame do, such as the
+//! number of nodes that were loaded for the frame. Tests that check these counts therefore start a separate thread.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use kernels::scene::Scene;
 use super::{Boxes, Engine, Wake, lock};
 use crate::model::picture::News;
 
-/// Maximum number of idle threads. There is a limit because each thread holds a device and the textures of a scene.
+/// Maximum number of idle threads. There is a limit because each thread keeps a device and the textures of a scene in memory.
 const MOST: usize = 4;
 
 /// Idle threads. An idle thread only waits for a request, so the program may end without stopping it.

@@ -43,9 +43,9 @@ impl Watcher {
     /// Returns the files that were changed, created or removed since the last check; at the first check, all files. `None` = there are no such files,
     /// or the last check is less than [`INTERVAL`] ago.
     ///
-    /// A changed file is reported again at the next check, for this reason: at the first report, an editor may still be writing the file. If it
-    /// finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads each reported file
-    /// therefore always gets the last version of the file.
+    /// A changed file is reported again at the next check, for this reason: at the first report, an editor may still be writing the file. If the
+    /// editor finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads each
+    /// reported file therefore always gets the last version of the file.
     pub fn changed(&mut self) -> Option<Vec<String>> {
         if self.looked.is_some_and(|at| at.elapsed() < INTERVAL) {
             return None;

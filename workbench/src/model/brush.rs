@@ -26,17 +26,18 @@ pub const MOST_STROKES: usize = 1000;
 pub const MOST_IN_ALL: usize = 65_536;
 /// Minimum distance from the end of a stroke to the next place, as a share of the radius of the stroke. Nearer places do not extend the stroke.
 const SPACING: f64 = 0.25;
-/// Limit of the distance between a point that is left out and the line that replaces it, as a share of the radius of the stroke.
+/// A straight part of a stroke is stored as its two ends; the points between them are left out. This value is the largest distance between a point
+/// that is left out and the line that replaces it, as a share of the radius of the stroke.
 const BESIDE: f64 = 1.0 / 16.0;
 /// Maximum number of consecutive points that are left out. The limit bounds the cost, because all points that were left out are checked again for
 /// every new point.
 const MOST_LEFT_OUT: usize = 256;
-/// First of the two conditions for a depth edge between neighbouring pixels: the ratio of their depths exceeds this value.
+/// First condition for a depth edge between neighbouring pixels: the ratio of their depths exceeds this value.
 const EDGE: f64 = 1.5;
-/// Second of the two conditions for a depth edge. The inverse depth of a pixel is predicted by linear extrapolation from the two pixels before it.
-/// The error of the prediction exceeds this share of the change in inverse depth since the previous pixel. The first condition alone does not
-/// suffice, because the ratio of depths is also large on ground near the horizon. The second condition does not hold there, because the inverse depth
-/// of a plane is linear in the picture.
+/// Second condition for a depth edge. The inverse depth of a pixel is predicted by linear extrapolation from the two pixels before it. The condition
+/// is that the error of the prediction exceeds this share of the change in inverse depth since the previous pixel. Both conditions must hold, because
+/// the ratio of depths is also large on ground near the horizon. There, the second condition does not hold, because the inverse depth of a plane is
+/// linear in the picture.
 const BEND: f64 = 0.5;
 /// Number of points of the ring that shows on the ground where the brush paints.
 const RING: u32 = 64;
@@ -164,11 +165,11 @@ pub struct Brush {
     pub paints: bool,
     /// The data that a stroke changes: materials, or the weights of rules.
     pub kind: StrokeKind,
-    /// Name of the material that a splat stroke paints, or whose rules a mask weights.
+    /// Name of the selected material. A splat stroke paints this material. A mask changes the weights of the rules for this material.
     pub material: String,
     /// Radius in metres, within [`RADII_M`].
     pub radius_m: f64,
-    /// Width of the soft edge of a mask, metres inwards from its edge; at most the radius.
+    /// Width in metres of the soft edge of a mask, measured inwards from the border of the mask; at most the radius.
     pub fade_m: f64,
     /// Factor of a mask on the weights of the material's rules, from 0 to [`MOST_AMOUNT`].
     pub amount: f64,

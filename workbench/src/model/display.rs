@@ -17,7 +17,7 @@ pub enum Layer {
     /// Lit and tone-mapped.
     #[default]
     Lit,
-    /// Linear albedo, as sRGB.
+    /// Linear albedo, encoded as sRGB for display.
     Albedo,
     /// World normals: x, y, z from -1 to 1 as red, green, blue.
     Normal,
@@ -152,7 +152,8 @@ static BIAS: [Scale; 1] = [Scale {
     ticks: &[(-0.1, "-0.1"), (0.0, "0"), (0.1, "0.1")],
 }];
 
-/// Colours of random choices. Choices have no order, so neighbouring colours have very different hues.
+/// Colours of random choices. There are more choices than colours, so the colours repeat. Choices have no order, so neighbouring colours have very
+/// different hues.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
 /// The largest value of the layer `choice`. The values from 1 on are the combinations of four splat texels and three projection axes.
@@ -262,13 +263,19 @@ impl Layer {
             Layer::Mask => "flavours that a pixel needs; a set of flavours has the mean colour of its flavours",
             Layer::Tiles => "variant that a tile runs; a set of flavours has the mean colour of its flavours",
             Layer::Fetches => "texture fetches per pixel, from 0 (black) to 96 (pale yellow)",
-            Layer::Choice => "one colour per random choice; black = no random choice",
-            Layer::Deviation => "standard deviation of luminance over frames, from 0.001 (black) to 1 (pale yellow), logarithmic",
-            Layer::Flicker => "mean |difference| in luminance to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic",
+            Layer::Choice => {
+                "first random choice of a pixel: splat texel and, on far cliffs, projection; 8 colours for 12 choices; black = no random choice"
+            }
+            Layer::Deviation => {
+                "standard deviation of the luminance of albedo over frames, from 0.001 (black) to 1 (pale yellow), logarithmic"
+            }
+            Layer::Flicker => {
+                "mean |difference| in luminance of albedo to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic"
+            }
             Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
-            Layer::Bias => "mean A - B in luminance, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
+            Layer::Bias => "mean A - B in luminance of albedo, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
             Layer::Residual => {
-                "mean |change of A - B| in luminance since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic; dark if B is not drawn"
+                "mean |change of A - B| in luminance of albedo since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic; black if B is not drawn"
             }
         }
     }
@@ -293,7 +300,7 @@ impl Layer {
         if matches!(self, Layer::Bias | Layer::Residual) { Layer::Lit } else { self }
     }
 
-    /// Whether it shows a live metric.
+    /// Whether the layer shows a live metric.
     pub const fn is_measured(self) -> bool {
         matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual)
     }
@@ -443,14 +450,14 @@ mod tests {
 
     #[test]
     fn what_is_measured_has_the_colours_of_its_bar() {
-        // In each pixel, the second frame is brighter than the first by the value of a tick. This difference is the flicker, and half of it is the
-        // standard deviation.
+        // There is one pixel per tick. In each pixel, the second frame is brighter than the first by the value of its tick. This difference is the
+        // flicker, and half of it is the standard deviation.
         let ticks = values(&FLICKER[0]);
         let count = u32::try_from(ticks.len()).expect("few");
         let links: Vec<u32> = (0..count).collect();
         let sample = |luminance: f32, error: f32| Sample { luminance, choice: 1, error };
         let mut followed = Followed::default();
-        // The error changes by the value of a tick, too, so the residual equals the flicker.
+        // The error falls by the value of the same tick, so the residual equals the flicker.
         let second: Vec<Sample> = ticks.iter().map(|&tick| sample(tick, 0.1 - tick)).collect();
         for samples in [vec![sample(0.0, 0.1); ticks.len()], second] {
             followed.take([count, 1], &samples, &links, 8, true);

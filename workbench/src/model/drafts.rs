@@ -89,7 +89,7 @@ pub(crate) struct MaterialsDraft {
     pub(crate) own: Vec<PathBuf>,
 }
 
-/// A system dialog in which the user chooses a folder. It runs on a thread of its own.
+/// A system dialog in which the user chooses a folder. It runs on a separate thread.
 pub(crate) struct Dialog {
     /// Name of the material for which the folder is chosen.
     pub(crate) material: String,

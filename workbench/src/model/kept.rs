@@ -196,7 +196,7 @@ impl Kept {
         OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
 
-    /// Reads the saved state, and returns a line if there is a problem that the user should know. If there is no file, the state is empty and there
+    /// Reads the saved state, and returns a line if the user should know about a problem. If there is no file, the state is empty and there
     /// is no line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). A file of a newer version,
     /// or one that cannot be read, is left as it is.
     pub fn load(path: &Path) -> (Kept, Option<String>) {
@@ -253,7 +253,8 @@ impl Kept {
         self.write(path)
     }
 
-    /// Returns this state with the entries of all other scenes taken from the file (`there`), because another window may have changed them.
+    /// Returns this state, but with the entries of all scenes except the current one taken from the file (`there`). Another window may have changed
+    /// those entries.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -405,8 +406,8 @@ impl Keeper {
         self.failure.as_deref()
     }
 
-    /// Call this whenever the window is drawn. Once every [`EVERY`], this function calls `present` to get the state to save, and begins to write the
-    /// state if it has changed. `present` receives the previously saved state.
+    /// Call this whenever the window is drawn. Once every [`EVERY`], this function calls `present` to get the state to save. It begins to write the
+    /// state if the state has changed or the last attempt to write failed. `present` receives the previously saved state.
     pub fn tend(&mut self, now: Instant, present: impl FnOnce(&Kept) -> Kept) {
         if self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) || now.saturating_duration_since(self.looked) < EVERY {
             return;
@@ -419,7 +420,7 @@ impl Keeper {
         }
     }
 
-    /// Writes the state if it has changed, and waits until it is written.
+    /// Writes the state if it has changed or the last attempt to write failed, and waits until it is written.
     ///
     /// # Errors
     /// See [`Kept::save`].
@@ -431,7 +432,8 @@ impl Keeper {
         self.failure.clone().map_or(Ok(()), Err)
     }
 
-    /// Replaces the stored state by the present state. Returns whether the state has changed and must be written.
+    /// Replaces the stored state by the present state. Returns whether the state must be written: it has changed, or the last attempt to write
+    /// failed.
     fn take(&mut self, present: impl FnOnce(&Kept) -> Kept) -> bool {
         let present = present(&self.kept);
         let changed = present != self.kept || self.failure.is_some();

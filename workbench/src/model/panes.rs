@@ -264,7 +264,7 @@ impl Making {
     }
 }
 
-/// The share, or 1 if it would make the pane invisible.
+/// Returns the share, or 1 if the share is not a positive finite number and would make the pane invisible.
 fn usable(share: f32) -> f32 {
     if share.is_finite() && share > 0.0 { share } else { 1.0 }
 }

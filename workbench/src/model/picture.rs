@@ -146,7 +146,7 @@ pub struct News {
     pub warm: [usize; 2],
     /// Why the last request was not fulfilled; one line.
     pub failure: Option<String>,
-    /// [`Wish::opened`] of the scene that was loaded last, with all files that it names.
+    /// [`Wish::opened`] of the last scene that was loaded completely, including all files that it names; `None` = no scene has been loaded yet.
     pub loaded: Option<u32>,
     /// [`Wish::opened`] of the last scene, if it could not be loaded; `failure` says why. `None` = it was loaded, or is being loaded.
     pub unloaded: Option<u32>,

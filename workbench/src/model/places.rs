@@ -46,8 +46,8 @@ fn degrees(radians: f64) -> f64 {
     nearest
 }
 
-/// The same direction as `yaw`, as an angle whose degrees are finite. A yaw that is too large for that, which only a file can hold, becomes an angle from
-/// -pi to pi.
+/// Converts a yaw to degrees. A yaw whose value in degrees would be infinite is first replaced by the angle from -pi to pi with the same direction.
+/// Only a file can contain a yaw of this size.
 fn yaw_in_degrees(yaw: f64) -> f64 {
     let (sin, cos) = yaw.sin_cos();
     degrees(if yaw.to_degrees().is_finite() { yaw } else { sin.atan2(cos) })
@@ -155,7 +155,7 @@ impl PartialEq for Recorded {
 }
 
 impl Recorded {
-    /// Creates a path with one of these poses per frame.
+    /// Creates a path from poses, one per frame.
     ///
     /// # Errors
     /// There are no poses, or more than [`MOST_FRAMES`].
@@ -403,8 +403,8 @@ impl Places {
     }
 }
 
-/// Returns the wanted name as one line, or `usual` if the wanted name is empty. If that name is taken, returns it with the next free number, such as
-/// `ridge 2` for `ridge`.
+/// Returns a free name: the wanted name as one line of at most [`NAME_LENGTH`] characters, or `usual` if the wanted name is empty. If the name is
+/// taken, the next free number is appended, such as `ridge 2` for `ridge`.
 fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
     let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };
@@ -478,7 +478,7 @@ mod tests {
             assert_eq!(bits(&once.pose)[..3], bits(&pose)[..3], "positions are exact");
             assert_eq!(bits(&read(&once).pose), bits(&once.pose), "a second conversion changes nothing");
         }
-        // Degrees of such a yaw would be infinite. Its direction is kept.
+        // The value of each of these yaws in degrees would be infinite. The conversion keeps the direction.
         for yaw in [f64::MAX, f64::MIN, 1e307] {
             let place = Place { name: "far".to_owned(), pose: Pose { position: DVec3::ONE, yaw, pitch: 0.1, fov: 1.0 } };
             let camera = CameraPose::from(place.clone());

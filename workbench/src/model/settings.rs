@@ -122,7 +122,7 @@ impl Settings {
     /// Sets a setting to a saved value.
     ///
     /// # Errors
-    /// One sentence: there is no such setting, or it does not accept the value. Nothing is changed.
+    /// One sentence: no setting has this name, or the setting does not accept the value. Nothing is changed.
     pub fn take(&mut self, name: &str, value: &Value) -> Result<(), String> {
         if let Some(setting) = frame_settings().find(|setting| setting.name() == name) {
             return setting.set(&mut self.frame, value);

@@ -38,7 +38,7 @@ const SOFTWARE_STRIDE: u32 = 4;
 pub struct Clock {
     /// The frame that is drawn next, or the frame on screen while paused.
     pub frame: u32,
-    /// Whether time stands still.
+    /// Whether time is paused.
     pub paused: bool,
     /// Number of frames for which time may still run by itself; `None` = any number. It is 0 while a step of a script waits, so that the frame on
     /// screen depends on the steps alone, and not on how long they wait.
@@ -111,10 +111,10 @@ pub struct Model {
     /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. A click waits for at most one drawing of the
-    /// window.
+    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. They limit the response time, because a click waits
+    /// for at most one drawing of the window.
     pub(crate) answers: VecDeque<Duration>,
-    /// Whether the saved state has a render scale (first) and a vertex stride (second). If so, the user chose them.
+    /// Whether the saved state has a render scale (first) and a vertex stride (second). Saved values were chosen by the user.
     chosen: [bool; 2],
     /// Whether the window may close although edits would be lost.
     leaves: bool,
@@ -265,7 +265,7 @@ impl Model {
         self.news.progress.as_ref()
     }
 
-    /// Why there is no picture of what the controls describe.
+    /// Why the picture that the controls describe cannot be drawn; `None` = it can be drawn, or is being drawn.
     pub fn failure(&self) -> Option<&str> {
         // Ignore a failure to load a different scene.
         let own = self.news.unloaded.is_none_or(|opened| opened == self.opened);
@@ -292,7 +292,7 @@ impl Model {
         scaled(self.room, self.settings.scale, self.most_side)
     }
 
-    /// Advances to the next frame once this one is on screen, so that no frame is skipped.
+    /// If time runs, advances to the next frame once the current frame is on screen, so that no frame is skipped.
     pub(crate) fn tick(&mut self) {
         let Clock { frame, left, .. } = self.clock;
         if self.clock.runs() && self.shown_here().is_some_and(|shown| shown.wish.frame == frame) {

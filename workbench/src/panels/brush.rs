@@ -51,7 +51,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };
         number(ui, &row, &mut brush.radius_m, Some(usual.radius_m));
         if brush.kind == StrokeKind::Mask {
-            let about = "Width of the soft edge of a mask, inwards from its edge. 0 is a hard edge.";
+            let about = "Width of the soft border of a mask, measured inwards from the outline of the stroke. 0: hard border.";
             let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
             number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
             let about =

@@ -96,8 +96,8 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() },
             "Peak signal-to-noise ratio: the ratio of the peak value 1 to the RMSE, in decibels",
         );
-        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance, over the pixels that show terrain");
-        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in luminance, over the pixels that show terrain");
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in lit luminance, over the pixels that show terrain");
+        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in lit luminance, over the pixels that show terrain");
     });
     ui.label("These numbers compare the lit pictures of this frame, with one sample per pixel. Experiments compare with a supersampled reference.");
 }

@@ -39,7 +39,7 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
             let current = shown(value);
             choose(ui, setting.label(), value, &current, items).on_hover_text(about)
         }
-        // Settings with text or lists of numbers have their own controls elsewhere.
+        // The setting with a text (the forced variant) has a control elsewhere. The workbench does not show settings with lists of numbers.
         _ => return None,
     };
     if value != before {

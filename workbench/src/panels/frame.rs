@@ -16,21 +16,34 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     };
     let report = &shown.picture.report;
     times(model, ui);
-    let row = |ui: &mut Ui, name: &str, value: String| {
-        ui.label(name);
+    let row = |ui: &mut Ui, name: &str, about: &str, value: String| {
+        let label = ui.label(name);
+        if !about.is_empty() {
+            label.on_hover_text(about);
+        }
         ui.label(value);
         ui.end_row();
     };
     egui::Grid::new("frame").num_columns(2).striped(true).show(ui, |ui| {
-        row(ui, "Picture", format!("{} x {} px", shown.wish.size[0], shown.wish.size[1]));
-        row(ui, "Shaded by", shown.wish.settings.choice_name());
+        row(ui, "Picture", "Size of the picture in pixels", format!("{} x {} px", shown.wish.size[0], shown.wish.size[1]));
+        row(
+            ui,
+            "Shaded by",
+            "How tiles get their variant: automatic choice, one forced variant, or the generic kernel",
+            shown.wish.settings.choice_name(),
+        );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
-        row(ui, "Fetches", fetches);
-        row(ui, "Drawn and read back", format!("{:.1} ms", shown.took.as_secs_f64() * 1e3));
+        row(ui, "Fetches", "Texture fetches of shading per pixel, averaged over the pixels that show terrain", fetches);
+        row(
+            ui,
+            "Drawn and read back",
+            "Wall-clock time from the request to the picture on the CPU, including the world's streaming",
+            format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
+        );
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
-        row(ui, "Passes, device time", format!("{device:.1} ms"));
+        row(ui, "Passes, device time", "Sum of the passes below, as measured by the device", format!("{device:.1} ms"));
         for (name, ms) in passes(&report.passes) {
-            row(ui, &name, format!("{ms:.2} ms"));
+            row(ui, &name, "", format!("{ms:.2} ms"));
         }
     });
 }

@@ -166,8 +166,8 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground beyond `reach_m`, or
-    // never.
+    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground at a distance of more
+    // than 4 * `reach_m`, or never. At this distance, the cut is outside the map.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {

@@ -188,7 +188,7 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let field = ui.add(TextEdit::singleline(&mut model.materials.folder).desired_width(FIELD)).labelled_by(label.id);
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
     field.on_hover_text(
-        "Folder with albedo, normal, height and roughness (.png, .jpg, .tga or .exr); absolute, or relative to the scene's folder",
+        "Folder with four images, named albedo, normal, height and roughness (.png, .jpg, .tga or .exr); absolute, or relative to the scene's folder",
     );
     ui.end_row();
 

@@ -27,16 +27,16 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Residual",
-        about: "Mean absolute change of A - B in luminance since the previous frame, at the same surface point: the flicker that A has and B has \
-                not, if B is the full blend. None if B is not drawn.",
+        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point. If B is the full blend, this \
+                is the flicker that A has but B does not have. None if B is not drawn.",
         of: |s| s.residual,
     },
     Quantity {
         name: "Noise",
-        about: "Square root of the variance of luminance over frames at a surface point; the variance is averaged over all points first",
+        about: "Variance of the luminance of albedo over frames at each surface point, averaged over all points; then the square root",
         of: |s| Some(s.variance.sqrt()),
     },
-    Quantity { name: "Bias", about: "Mean of A - B in luminance; none if B is not drawn", of: |s| s.bias },
+    Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo; none if B is not drawn", of: |s| s.bias },
     Quantity {
         name: "Clumping",
         about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise of the same variance; 1 = white, more = \
@@ -48,9 +48,9 @@ const QUANTITIES: [Quantity; 6] = [
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
-        ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so the times differ from those of the normal shaders");
+        ui.checkbox(on, "Measure").on_hover_text("Measures the numbers below in every frame. This uses shaders that record choices, so times differ from those of the normal shaders.");
         ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When you switch this off, measuring restarts.");
-        if ui.button("Restart").clicked() {
+        if ui.button("Restart").on_hover_text("Discards the frames measured so far and measures again").clicked() {
             *resets = resets.wrapping_add(1);
         }
         if ui
@@ -63,9 +63,9 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let label = ui.label("Window");
-        ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames"))
-            .labelled_by(label.id)
-            .on_hover_text("Length of the exponential window: the newest frame has a weight of 1 / length");
+        ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames")).labelled_by(label.id).on_hover_text(
+            "About how many past frames count; older frames count exponentially less. The newest frame has the weight 1 / length.",
+        );
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
@@ -96,7 +96,9 @@ fn table(last: &Reading, ui: &mut Ui) {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| s.terrain.to_string()));
         }
         ui.end_row();
-        ui.label("Frames").on_hover_text("Number of frames for which the median pixel has been followed, at most the length of the window");
+        ui.label("Frames").on_hover_text(
+            "Median over pixels: number of frames for which the surface point has been followed, at most the length of the window",
+        );
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| format!("{:.0}", s.frames)));
         }

@@ -1,4 +1,4 @@
-//! The panels of the window. A panel is a function that draws into a `Ui`. Its arguments are the model and, for some panels, a state of its own.
+//! The panels of the window. A panel is a function that draws into a `Ui`. Its arguments are the model and, for some panels, the state of the panel.
 
 pub(crate) mod brush;
 pub(crate) mod compare;
@@ -26,7 +26,7 @@ use machine::MachinePanel;
 use crate::model::panes::Pane;
 use crate::model::state::Model;
 
-/// The states of the panels that keep a state of their own. These states do not depend on the scene.
+/// The states of those panels whose state is not a part of the model. These states do not depend on the scene.
 #[derive(Default)]
 pub(crate) struct Panels {
     machine: MachinePanel,

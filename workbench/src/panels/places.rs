@@ -63,7 +63,7 @@ fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
 fn record(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let Some(frames) = model.places.recording.as_ref().map(Recording::frames) else {
-            if ui.button("Record path").on_hover_text("Records one pose per frame, from frame 0 on, until you stop it").clicked() {
+            if ui.button("Record path").on_hover_text("Sets time to frame 0 and records the pose of each frame until you stop").clicked() {
                 model.places.recording = Some(Recording::default());
                 model.places.said = None;
                 // Begin at frame 0, because a replay begins there, too. Noise depends on the frame number, so the replay shows the recorded pictures.

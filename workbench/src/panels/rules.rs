@@ -29,7 +29,7 @@ const HEIGHT: Band = Band {
     whole: [-1000.0, 9000.0],
     most_fade: 1.0e7,
     speed: 5.0,
-    about: "Elevation",
+    about: "elevation",
 };
 const SLOPE: Band = Band {
     name: "slope",
@@ -38,7 +38,7 @@ const SLOPE: Band = Band {
     whole: [0.0, 90.0],
     most_fade: 90.0,
     speed: 0.2,
-    about: "Slope, from level ground (0) to a vertical wall (90)",
+    about: "slope, from level ground (0) to a vertical wall (90)",
 };
 const CURVATURE: Band = Band {
     name: "curvature",
@@ -47,7 +47,7 @@ const CURVATURE: Band = Band {
     whole: [-10.0, 10.0],
     most_fade: 1.0e3,
     speed: 1e-3,
-    about: "Mean curvature, which is below 0 in gullies and above 0 on ridges",
+    about: "mean curvature, which is below 0 in gullies and above 0 on ridges",
 };
 
 /// A change of the list of rules. It is made after the controls of all rules have been drawn.
@@ -155,7 +155,10 @@ fn value(ui: &mut Ui, value: &mut f64, [low, high]: [f64; 2], speed: f64, unit: 
 fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fade: &mut f64) {
     let Band { name, unit, limits: [lowest, highest], whole, most_fade, speed, about } = *kind;
     let mut has = band.is_some();
-    if ui.checkbox(&mut has, format!("Rule {number} {name} band")).on_hover_text(format!("Limits the rule to a range. {about}.")).changed()
+    if ui
+        .checkbox(&mut has, format!("Rule {number} {name} band"))
+        .on_hover_text(format!("Limits the rule to a range of one quantity: {about}."))
+        .changed()
     {
         *band = has.then_some(whole);
     }

@@ -3,6 +3,8 @@
 use eframe::egui::{self, Color32, RichText, Ui};
 use kernels::frame::FrameReport;
 use kernels::settings::Kind;
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::normals::NormalEncoding;
 
@@ -95,7 +97,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
         for setting in own_settings().filter(|setting| matches!(setting.kind, Kind::Name(_) | Kind::Whole(..))) {
-            let about: fn(&str) -> &'static str = if setting.name() == "normals" { of_normals } else { |_| "" };
+            let about: fn(&str) -> &'static str = match setting.name() {
+                "normals" => of_normals,
+                "estimator" => of_estimators,
+                "noise" => of_noises,
+                _ => |_| "",
+            };
             control(ui, setting, &mut model.settings.frame, about);
             ui.end_row();
         }
@@ -179,9 +186,38 @@ const fn about(flavour: Flavour) -> &'static str {
     match flavour {
         Flavour::VirtualTexture => "blended once as seen from above, and cached in pages",
         Flavour::FarAtlas => "albedo and normal baked into the quadtree",
-        Flavour::NearCliff => "three projections, one random material each",
-        Flavour::FarCliff => "two tilings, one random projection and material each",
-        Flavour::Splat => "three projections of four materials, all blended",
+        Flavour::NearCliff => "three projections; with the estimator fc5, one random material each",
+        Flavour::FarCliff => "two tilings; with the estimator fc5, one random projection and material each",
+        Flavour::Splat => "three projections of four materials; with the estimator fc5, all blended",
+    }
+}
+
+/// The tooltip of an estimator.
+fn of_estimators(name: &str) -> &'static str {
+    match name.parse() {
+        Ok(Estimator::Fc5) => "As in Far Cry 5: cliffs choose one material at random per projection or tiling, splat blends all",
+        Ok(Estimator::Exact) => "The exact blend: the mean of fc5 over all its random choices",
+        Ok(Estimator::Biplanar) => "fc5 with the two projections that the surface faces most, instead of three",
+        Ok(Estimator::Hex) => "fc5 with textures tiled by hexagons, which hides repetition, instead of the second tiling",
+        Ok(Estimator::Stf) => "One texel of each texture: projection, material, tiling, mip level and texel are chosen at random",
+        Ok(Estimator::Laplacian) => "Coarse band blended smoothly, fine band blended by height, so that details stay sharp",
+        Ok(Estimator::Luna8) => "Eight layers seen from above, each blended over the layers before it",
+        Ok(Estimator::Snapped) => "Four materials in one projection: from above or, on steep ground, onto one of eight vertical planes",
+        Ok(Estimator::Variance | Estimator::BiplanarMean | Estimator::HexMean) | Err(_) => "",
+    }
+}
+
+/// The tooltip of a kind of noise.
+fn of_noises(name: &str) -> &'static str {
+    match name.parse() {
+        Ok(NoiseKind::HashedIsotropic) => "Fixed to the ground, in cells of about one pixel (hashed alpha); equal cells along all axes",
+        Ok(NoiseKind::HashedAnisotropic) => "Fixed to the ground, in cells of about one pixel along each axis (anisotropic hashed alpha)",
+        Ok(NoiseKind::WhiteScreen) => "White noise on the screen, new in every frame",
+        Ok(NoiseKind::WhiteWorld) => "Fixed to the ground, in cells of one size everywhere in the world",
+        Ok(NoiseKind::InterleavedGradient) => "Regular pattern on the screen (interleaved gradient noise), new in every frame",
+        Ok(NoiseKind::Blue) => "Blue noise on the screen, the same in every frame: fine grain without blotches",
+        Ok(NoiseKind::SpatioTemporalBlue) => "Blue noise on the screen and over time: fine grain that a temporal resolve averages best",
+        Err(_) => "",
     }
 }
 
@@ -189,7 +225,9 @@ const fn about(flavour: Flavour) -> &'static str {
 fn of_normals(name: &str) -> &'static str {
     match name.parse() {
         Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the normal of the triangle, as in Far Cry 5",
-        Ok(NormalEncoding::PlaneFirst) => "32 bits: the triangle's normal 8 times finer than in Far Cry 5, the shading normal unchanged",
+        Ok(NormalEncoding::PlaneFirst) => {
+            "32 bits: steps of the triangle's normal 8 times finer than in Far Cry 5 if both normals are near each other; shading normal as in Far Cry 5"
+        }
         Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the other encodings",
         Err(_) => "",
     }

@@ -102,8 +102,8 @@ fn stated_delimiter(text: &str) -> Result<(Option<u8>, &str), String> {
     }
 }
 
-/// Returns the delimiter with which the header contains the largest number of these columns. If several delimiters are equal in this
-/// respect, the one with the most cells is returned.
+/// Returns the delimiter with which the header contains the largest number of the given columns. If several delimiters are equal in this respect, the
+/// one with the most cells is returned.
 fn delimiter_of(body: &str, columns: &[&str]) -> u8 {
     let fit = |delimiter: &u8| {
         let mut reader =
@@ -114,10 +114,10 @@ fn delimiter_of(body: &str, columns: &[&str]) -> u8 {
     DELIMITERS.into_iter().max_by_key(fit).unwrap_or(b',')
 }
 
-/// The line, from 1, in which a quoted cell begins that has no end; `None` if all quotes are closed. The parser would read the rest of the table as one
-/// cell.
+/// Returns the line in which a quoted cell without an end begins, counted from 1; `None` if all quotes are closed. The parser would read such a cell
+/// up to the end of the table.
 ///
-/// A quote opens a cell only as its first character. Inside, two quotes are one character (RFC 4180, section 2).
+/// A quote opens a cell only as its first character. Inside a quoted cell, two quotes stand for one quote character (RFC 4180, section 2).
 fn open_quote(body: &str, delimiter: u8) -> Option<u64> {
     let (mut line, mut opened) = (1, None);
     let mut is_first = true;

@@ -28,7 +28,7 @@ use super::numbers::number;
 const WIDTH: u32 = 1080;
 /// Width of each of two plots that are side by side.
 const HALF_WIDTH: u32 = 528;
-/// plotters estimates the line height of a font as 1.24 times its size. It divides the given size by this factor to obtain the `font-size`.
+/// plotters divides a given font size by this factor to obtain the `font-size` of the SVG. `text` multiplies by it to cancel this.
 const LINE_HEIGHT: f64 = 1.24;
 
 const INK: RGBColor = RGBColor(31, 41, 51);
@@ -108,8 +108,8 @@ impl Scale {
     }
 }
 
-/// Makes a scale usable as an axis of plotters. The axis is linear in the positions of the scale and has its ticks. (plotters has a combinator that
-/// sets ticks, but it does not support formatted labels on a plain axis.)
+/// Makes a scale usable as an axis of plotters. The axis is linear in the positions of the scale and has the ticks of the scale. (plotters has a
+/// combinator that sets ticks, but it does not support formatted labels on a plain axis.)
 impl Ranged for Scale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -185,8 +185,8 @@ fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     (first..).map(|i| i as f64 * step).take_while(|t| *t <= to + step * 1e-6).collect()
 }
 
-/// Returns invisible circles that are drawn over the marks of a plot. Each has a tooltip and a link to the table row of its mark, which plotters
-/// cannot draw.
+/// Returns invisible circles that are drawn over the marks of a plot. Each has a tooltip and a link to the table row of its mark, because plotters
+/// can draw neither.
 fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     let mut svg = String::new();
     for ((x, y), radius, hint) in marks {

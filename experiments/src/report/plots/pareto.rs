@@ -74,7 +74,7 @@ pub(crate) struct Point {
     pub(crate) half: [f64; 2],
     /// How the point is drawn.
     pub(crate) marker: Marker,
-    /// The point's own colour; `None` = the colour of its marker.
+    /// Colour of the point; `None` = the colour of its marker.
     pub(crate) colour: Option<Rgb>,
     /// Whether the point is on the Pareto front. Points on the front are labelled and connected by the line.
     pub(crate) front: bool,

@@ -18,7 +18,7 @@ const PLAIN: [&str; 3] = ["y", "z", "v"];
 /// Names of channels of colours, in lower case; `ry` and `by` are differences to the luminance `y`.
 const COLOURS: [&str; 5] = ["r", "g", "b", "ry", "by"];
 
-/// Largest difference from 0 and 1 that is taken for rounding: of alpha.
+/// Largest difference of alpha from 0 or 1 that counts as rounding.
 const ALPHA_ROUNDING: f32 = 1e-4;
 
 /// Largest number of channels that a message lists.
@@ -32,7 +32,7 @@ struct Candidate<'a> {
 }
 
 impl Candidate<'_> {
-    /// The name with part and layer, as --channel takes it.
+    /// The name with part and layer, as the option --channel expects it.
     fn full_name(&self) -> String {
         let Candidate { part, channel } = self;
         one_line(&if part.name.is_empty() { channel.name.clone() } else { format!("{}.{}", part.name, channel.name) })
@@ -42,9 +42,9 @@ impl Candidate<'_> {
         self.channel.base_name().to_lowercase()
     }
 
-    /// Whether the name says that the channel holds heights. The channel itself has one of the names of heights, or a part or layer with
-    /// such a name contains the channel. In the second case, the channel must be called like a single value or a colour, because such a
-    /// layer may also hold other data, such as `height.mask`.
+    /// Whether the name says that the channel contains heights. There are two cases. The channel itself has one of the names in
+    /// [`HEIGHTS`]. Or its part or layer has such a name, and the channel has one of the names in [`PLAIN`] or [`COLOURS`]. The last
+    /// condition is needed because the layer may also contain other data, such as `height.mask`.
     fn is_named(&self) -> bool {
         let base = self.base();
         let layer = self.channel.layer();
@@ -54,9 +54,10 @@ impl Candidate<'_> {
     }
 }
 
-/// Reads the channel that holds the heights: the one that the user names; the one whose part, layer or name says so; or the only
-/// channel apart from alpha. If red, green and blue are equal in all pixels, red is read. In all other cases, the file is refused with the list of its channels. A sample has no
-/// data where the alpha of its part and layer is 0.
+/// Reads the channel that contains the heights. This is the channel that the user names, or else the one whose part, layer or name says so.
+/// Otherwise it is the only channel apart from alpha, or the only luminance, depth or value in a file without colours. If red, green and
+/// blue are the only channels and equal in all pixels, red is read. In all other cases, the file is refused with the list of its channels.
+/// A sample has no data where the alpha of its part and layer is 0.
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;
     let all: Vec<Candidate<'_>> =
@@ -117,7 +118,7 @@ pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<
     })
 }
 
-/// The alpha that belongs to a channel: that of the same part and layer.
+/// The alpha channel that belongs to a channel: the one of the same part and layer.
 fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a>> {
     let belongs = |other: &Candidate<'a>| std::ptr::eq(other.part, of.part) && other.channel.layer() == of.channel.layer();
     all.iter().copied().find(|other| other.channel.is_alpha() && belongs(other) && !std::ptr::eq(other.channel, of.channel))
@@ -189,7 +190,7 @@ fn named<'a>(all: &[Candidate<'a>], name: &str) -> Result<Candidate<'a>, Fault> 
     Err(Fault::Unsupported(format!("it has no channel `{}`; give one of: {}", one_line(name), list(all))))
 }
 
-/// The channel that holds the heights, if that is certain.
+/// The channel that contains the heights, or an error if it is not certain which one does.
 fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let solid: Vec<Candidate<'a>> = all.iter().copied().filter(|candidate| !candidate.channel.is_alpha()).collect();
     let named: Vec<Candidate<'a>> = solid.iter().copied().filter(Candidate::is_named).collect();
@@ -199,7 +200,7 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let colours = with_base(&COLOURS);
     let one_of = |candidates: &[Candidate<'a>]| if let [one] = candidates { Some(*one) } else { None };
     let plain = if colours.is_empty() { one_of(&with_base(&PLAIN)) } else { None };
-    // If several channels remain, the one is chosen that is itself called `height` or similar.
+    // If several channels remain, the one whose base name is in `HEIGHTS` is chosen.
     let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope));
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {

@@ -1,15 +1,15 @@
-//! Fills gaps in a heightmap with a membrane that is fastened to the rim of each gap.
+//! Fills gaps in a heightmap with a membrane: a smooth surface that meets the samples at the rim of each gap.
 //!
-//! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), by Gauss-Seidel sweeps on a pyramid of grids, each
-//! with half the resolution of the next finer one: cascadic multigrid (Bornemann and Deuflhard, *The cascadic multigrid method for elliptic problems*, 1996). At
-//! the edge of the map, missing neighbours are left out, so the membrane ends level there. The result is the same on every machine, and does not
-//! depend on threads.
+//! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by Gauss-Seidel sweeps on a
+//! pyramid of grids. Each grid has half the resolution of the next finer one: cascadic multigrid (Bornemann and Deuflhard, *The cascadic
+//! multigrid method for elliptic problems*, 1996). At the edge of the map, missing neighbours are left out, so the membrane is level there
+//! in the direction across the edge. The result is the same on every machine, and does not depend on threads.
 //!
-//! Limit: a membrane is smooth. It has no peaks, valleys or roughness of its own, and stays between the lowest and the highest height of the rim.
+//! Limit: a membrane has no peaks, valleys or roughness, and stays between the lowest and the highest height of the rim.
 
 /// Largest number of sweeps over the gaps of each grid.
 const SWEEPS: usize = 256;
-/// Sweeps end when no sample moves by more than this share of the range of heights.
+/// Sweeps end when no filled sample changes by more than this share of the range of the known heights.
 const STILL: f32 = 1e-6;
 
 /// Replaces the samples whose `void` is true, in an image that is `width` wide. At least one sample must have data.

@@ -15,7 +15,7 @@ use crate::decode::fault::Fault;
 pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     let items = items(xml)?;
     let scale = number(&items, "scale")?;
-    // Subnormal numbers count as 0: dividing by them overflows.
+    // Subnormal numbers are refused like 0, because dividing by them overflows.
     if let Some(scale) = scale.filter(|scale| !scale.is_normal()) {
         return Err(Fault::Unsupported(format!(
             "the scale of its heights is {scale}; state the true one with gdal_translate -a_scale SCALE IN OUT.tif"

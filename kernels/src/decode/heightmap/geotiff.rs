@@ -1,8 +1,8 @@
 //! Interprets the GeoTIFF tags of a file: coordinate system, units, and positions of the samples.
 //!
-//! Source: *OGC GeoTIFF Standard* 1.1 (OGC 19-008r4), the requirements of GeoKeyDirectoryTag, GTModelTypeGeoKey, GTRasterTypeGeoKey, the unit keys,
-//! ModelPixelScaleTag, ModelTiepointTag and ModelTransformationTag. A sample is an elevation at a point: the centre of its pixel, if a pixel is an
-//! area. The distance between samples is the same in both cases.
+//! Source: *OGC GeoTIFF Standard* 1.1 (OGC 19-008r4), the requirements of GeoKeyDirectoryTag, GTModelTypeGeoKey, GTRasterTypeGeoKey, the
+//! unit keys, ModelPixelScaleTag, ModelTiepointTag and ModelTransformationTag. A sample is an elevation at a point. If the file says that a
+//! pixel is an area, this point is the centre of the pixel. The distance between samples is the same whether a pixel is an area or a point.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use super::systems::{WORLD_MERCATOR, has_metric_heights, is_depth, is_metric, pr
 use super::units::{METRE, Unit};
 use crate::decode::fault::Fault;
 
-// Numbers of the keys that are read, of the tag that holds floating-point parameters, and of values of keys.
+// Numbers of the keys that are read, of the tag with the floating-point parameters, and of two values of keys (user-defined, degree).
 const MODEL_TYPE: u16 = 1024;
 const RASTER_TYPE: u16 = 1025;
 const GEODETIC_SYSTEM: u16 = 2048;
@@ -31,8 +31,8 @@ const DEGREE_M: f64 = 111_195.0;
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
 /// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
-/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. Two statements of one transform may
-/// differ by as much.
+/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. The terms of two statements of one
+/// transform may differ by as much.
 const SAME_TERM: f64 = 1e-6;
 /// Largest scale error of a projection at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;
@@ -291,8 +291,8 @@ impl Keys {
     }
 }
 
-/// The affine transform from a position in the raster to coordinates: x = across column + shear_x row + origin_x, y = shear_y column + down row +
-/// origin_y.
+/// The affine transform from a position in the raster to coordinates: `x = across * column + shear_x * row + origin_x` and
+/// `y = shear_y * column + down * row + origin_y`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Transform {
     across: f64,
@@ -381,8 +381,8 @@ impl Transform {
     }
 }
 
-/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`: distance between
-/// samples.
+/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
+/// distance between samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {
         _ if !(longitude.is_finite() && latitude.abs() <= 90.0) => "CODE".to_owned(),
@@ -450,7 +450,7 @@ mod tests {
         own.keys.as_mut().expect("set above").extend([3077, 34_736, 1, 0]);
         own.keys.as_mut().expect("set above")[3] = 4;
         assert!((metres(&own) - 5.0).abs() < 1e-12);
-        // No unit is guessed, but the usual one is named.
+        // If no unit is stated, none is assumed, but `usual` contains the unit of the coordinate system.
         let without = |usual: Option<(u16, Unit)>| Spacing::WithoutUnit { stated: 10.0, usual };
         let survey_foot = Unit::of_code(9003).expect("known");
         assert_eq!(read(&tags(1, &[[3072, 2229]])).expect("usable").spacing, without(Some((2229, survey_foot))));

@@ -11,7 +11,7 @@ use weezl::{BitOrder, LzwStatus, decode::Decoder};
 use super::depth::Depth;
 use crate::decode::fault::Fault;
 
-/// A code of 12 bits stands for at most 3839 bytes, so a stream cannot grow by more than this factor.
+/// A code of 12 bits represents at most 3839 bytes, so a stream grows by at most a factor of 3839 x 8 / 12 = 2559.3.
 const LARGEST_GROWTH: usize = 2560;
 /// Largest size of a strip or tile, bytes. The crate `tiff` has the same limit.
 const MAX_BYTES: usize = 1 << 28;
@@ -97,8 +97,8 @@ fn plain(row: &[u8], sample_bytes: usize, coding: Coding) -> Vec<u64> {
         .collect()
 }
 
-/// Decodes a row with the floating point predictor to the bit patterns of its samples. The row holds the highest bytes of all samples, then
-/// all second bytes, and so on; each byte is stored as its difference from the previous byte.
+/// Decodes a row with the floating point predictor to the bit patterns of its samples. The row contains the highest bytes of all samples,
+/// then all second bytes, and so on; each byte is stored as its difference from the previous byte.
 fn of_float_differences(row: &mut [u8], width: usize, sample_bytes: usize) -> Vec<u64> {
     for at in 1..row.len() {
         row[at] = row[at].wrapping_add(row[at - 1]);

@@ -44,10 +44,10 @@ pub use report::Report;
 /// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
-/// If the range of floats is at most this, metres, a note says that they may be normalised to 0..1.
+/// If the elevations of float samples differ by at most this, metres, a note says that the samples may be normalised to 0..1.
 const NORMALISED_RELIEF_M: f64 = 1.0;
 
-/// If neighbouring half floats are farther apart than this, metres, a note says that precision is lost.
+/// If neighbouring half floats differ by more than this, metres, a note says that precision is lost.
 const COARSE_STEP_M: f64 = 0.25;
 
 /// XML elements that say what the samples of a heightmap mean. GDAL writes them to a file of metadata beside the heightmap (`.aux.xml`,
@@ -154,11 +154,12 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `r32`, `bin`, `exr`, `tif`, `tiff`).
 ///
 /// # Errors
-/// [`Error::File`] if the operating system cannot read the file, or metadata beside it. [`Error::Heightmap`] if a file beside it is a mask
-/// or says what its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged or of a kind that is not supported; if it is too
-/// large; if what it says about its samples contradicts itself or the options, or cannot be applied; if an option does not apply to it; if
-/// the spacing or the meaning of its samples is not known; if samples have no data, and the options do not say that they are filled; if
-/// samples are beyond 100 000 m; or if all samples are equal.
+/// [`Error::File`] if the operating system cannot read the file, or metadata beside it.
+///
+/// [`Error::Heightmap`] if a file beside it is a mask or says what its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged,
+/// too large, or of a kind that is not supported; if its statements about its samples contradict each other or the options, or cannot be
+/// applied; if an option does not apply to it; if the spacing or the meaning of its samples is unknown; if samples have no data, and the
+/// options do not say how to treat them; if samples are beyond 100 000 m; or if all samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;
@@ -166,7 +167,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     Ok(reading)
 }
 
-/// Returns a note if there is a file beside a heightmap in which GDAL keeps metadata (`.aux.xml`).
+/// Returns a note if there is a file with metadata of GDAL beside a heightmap (`.aux.xml`).
 ///
 /// # Errors
 /// These metadata say what the samples mean, there is a mask (`.msk`), or the metadata cannot be read.
@@ -273,7 +274,7 @@ fn finish(raster: Raster, name: &str, options: &ReadOptions) -> std::result::Res
     Ok(Reading { map: Heightmap { width, height, metres_per_texel: spacing.metres, samples }, report, holes })
 }
 
-/// How samples become metres.
+/// The conversion of the samples to metres, and their range before and after it.
 struct Scaled {
     /// The lowest and the highest sample with data.
     stored: [f64; 2],
@@ -283,7 +284,8 @@ struct Scaled {
 }
 
 impl Scaled {
-    /// Refuses elevations that are none on Earth, and a map without relief: its samples were misunderstood.
+    /// Finds the conversion. Refuses an elevation beyond 100 000 m, and a map without relief, because both mean that the samples were
+    /// misinterpreted.
     fn of(raster: &Raster, found: &Found, options: &ReadOptions) -> std::result::Result<Scaled, Fault> {
         let with_data = move || (0..raster.stored.len()).filter(move |&index| found.has_data(index));
         let stored = range(with_data().map(|index| raster.stored.at(index)));
@@ -308,7 +310,7 @@ impl Scaled {
     }
 }
 
-/// What the samples themselves give reason to say, one line each.
+/// Notes for the user that follow from the values of the samples, one line each.
 fn notes_of_samples(raster: &Raster, found: &Found, scaled: &Scaled, options: &ReadOptions) -> Vec<String> {
     let metres_per_unit = scaled.mapping.scale.abs();
     let of_zeros = || if options.no_data == NoData::Nothing { None } else { voids::note_of_zeros(raster, found) };
@@ -325,7 +327,8 @@ fn notes_of_samples(raster: &Raster, found: &Found, scaled: &Scaled, options: &R
     [of_voids, note_of_8_bits(raster, metres_per_unit), of_half, of_low_relief].into_iter().flatten().collect()
 }
 
-/// A note if all samples of a format with 16 bits are 8-bit numbers: a code of 8 bits times 257 or 256. `scale`: metres per unit.
+/// Returns a note if all samples of a 16-bit format are multiples of 257 or of 256. Such samples are 8-bit numbers that were converted to
+/// 16 bits. `scale`: metres per unit.
 fn note_of_8_bits(raster: &Raster, scale: f64) -> Option<String> {
     if !(raster.holds_codes && raster.depth == Depth::Unsigned16) {
         return None;
@@ -333,7 +336,7 @@ fn note_of_8_bits(raster: &Raster, scale: f64) -> Option<String> {
     let codes = move || (0..raster.stored.len()).map(move |index| raster.stored.at(index) as u32);
     let step = [257, 256].into_iter().find(|step| codes().all(|code| code % step == 0))?;
     let levels: BTreeSet<u32> = codes().collect();
-    // Two levels may be a plain test picture.
+    // A file with only two levels may be a plain test picture.
     (levels.len() > 2).then(|| {
         format!(
             "all samples are multiples of {step}, as 8-bit numbers in a file of 16 bits are: {} levels in steps of {:.3} m, which show as terraces; \
@@ -349,7 +352,7 @@ fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// A note about the precision of half floats in this range, if it is low. `scale`: metres per unit.
+/// Returns a note about the precision of half floats in this range, if the precision is low. `scale`: metres per unit.
 ///
 /// Between 2^e and 2^(e + 1), half floats are 2^(e - 10) apart (IEEE 754 binary16). Below 2^-14, they are 2^-24 apart.
 fn note_of_half([low, high]: [f64; 2], scale: f64) -> Option<String> {

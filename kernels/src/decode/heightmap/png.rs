@@ -14,7 +14,7 @@ use crate::decode::coded::undecodable_with;
 use crate::decode::colours::MAX_INFO_BYTES;
 use crate::decode::fault::Fault;
 
-/// Bytes of the signature and of the header up to the type of colour.
+/// Length of the start of the file, bytes: the signature, and the header up to and including the type of colour.
 const START: usize = 26;
 /// Largest factor by which Deflate can compress (RFC 1951: 258 bytes from 2 bits, a factor of 1032), rounded up.
 const MOST_COMPRESSED: u64 = 1100;
@@ -79,7 +79,7 @@ fn not_16_bits(decoder: PngDecoder<impl BufRead + Seek>, kind: &str) -> Fault {
 /// The samples of all pixels, row by row.
 struct Heights {
     samples: Vec<f32>,
-    /// Why pixels have no data; empty if all have some.
+    /// For each pixel, the reason why it has no data; `None` if it has data. Empty if all pixels have data.
     absent: Vec<Option<Absent>>,
 }
 

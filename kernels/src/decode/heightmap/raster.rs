@@ -16,11 +16,12 @@ pub(super) struct Raster {
     pub(super) window: [u32; 4],
     /// How a sample is stored.
     pub(super) depth: Depth,
-    /// Whether an integer is a code between two elevations, as in PNG and RAW, rather than a number in some unit, as in TIFF.
+    /// Whether integers are codes that cover the range from the lowest to the highest elevation, as in PNG and RAW, rather than numbers in
+    /// some unit, as in TIFF. Codes are not searched for values that usually mark missing data.
     pub(super) holds_codes: bool,
     /// The samples, row by row, row 0 = north.
     pub(super) stored: Stored,
-    /// For each sample, the reason why it has no data, if the reason is not its value; empty if there is no such sample.
+    /// For each sample, the reason why it has no data; `None` if it has data or only its value marks missing data. Empty if all are `None`.
     pub(super) absent: Vec<Option<Absent>>,
     /// The value that the file gives to samples without data.
     pub(super) no_data: Option<f64>,
@@ -42,10 +43,10 @@ impl Raster {
     }
 }
 
-/// The reason why a sample has no data, if the reason is not its value.
+/// The reason why a sample has no data, apart from its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Absent {
-    /// The sample lies in a strip or tile that the file does not hold.
+    /// The strip or tile of the sample is not in the file.
     Missing,
     /// The mask of the file hides the sample.
     Masked,
@@ -139,7 +140,7 @@ fn copy<T: Copy, S>(samples: &mut [S], to: usize, values: &[T], from: usize, cou
     true
 }
 
-/// Reverses the order of rows, and of the samples in each row, of an image.
+/// Reverses the order of the rows of an image if `rows` is true, and the order of the samples in each row if `columns` is true.
 pub(super) fn turn<T>(samples: &mut [T], width: usize, rows: bool, columns: bool) {
     if columns {
         samples.chunks_exact_mut(width).for_each(<[T]>::reverse);

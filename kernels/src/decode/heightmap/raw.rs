@@ -9,12 +9,12 @@ use super::scaling::Statement;
 use super::spacing::Spacing;
 use crate::decode::fault::Fault;
 
-/// Smallest number of samples from which the byte order is judged.
+/// Smallest number of samples for which the byte order is checked.
 const JUDGED: usize = 256;
 /// Samples in the wrong byte order are rougher than in the right byte order by more than this factor.
 const ROUGHER: f64 = 4.0;
-/// Samples may be in the wrong byte order if their roughness is above this number. Random numbers have a roughness of 1/3, terrain
-/// of up to about 0.05.
+/// Samples may be in the wrong byte order if their roughness is above this number. Random numbers have a roughness of 1/3. Terrain has a
+/// roughness of up to about 0.05.
 const ROUGH: f64 = 0.15;
 /// Absolute values that are plausible for heights in floats, apart from 0.
 const HEIGHTS: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
@@ -85,7 +85,7 @@ fn no_square(length: u64, depth: Depth) -> Fault {
     Fault::Unsupported(format!("{length} bytes are not a square of samples of {} bits; {}", depth.bits(), hints.join(", or ")))
 }
 
-/// A guess, from the length of the file, at the type of its samples, with the remedy; `None` if no type fits.
+/// The type that the samples probably have, judged by the length of the file, with the remedy; `None` if no type fits.
 fn other_depth(samples: u64, length: u64, depth: Depth) -> Option<&'static str> {
     match (length.checked_div(samples)?, depth) {
         _ if !length.is_multiple_of(samples) => None,

@@ -54,8 +54,8 @@ impl Statement {
     }
 }
 
-/// Returns the conversion to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest possible integer, or
-/// of the floats 0 and 1, metres.
+/// Returns the conversion to metres. `stored`: lowest and highest sample that has data. `range`: elevations of the smallest and largest
+/// possible integer, or of the floats 0 and 1, metres.
 ///
 /// # Errors
 /// The meaning of integers is unknown; `range` contradicts the file, or does not apply to the samples.
@@ -67,7 +67,7 @@ pub(super) fn mapping(depth: Depth, statement: &Statement, stored: [f64; 2], ran
         };
     }
     let [scale, offset] = statement.factors();
-    // The samples whose elevations a range states.
+    // The two samples whose elevations `range` gives.
     let ends = depth.limits().unwrap_or([0.0, 1.0]);
     if let Some(range) = range {
         let [low, high] = ends.map(|sample| sample * scale + offset);

@@ -15,10 +15,10 @@ pub(super) enum Spacing {
     /// A number without a unit of length.
     WithoutUnit {
         stated: f64,
-        /// The coordinate system (EPSG) that the file names, and its unit, if that is known not to be the metre.
+        /// EPSG code and unit of the coordinate system that the file names; `None` if the unit is unknown or the metre.
         usual: Option<(u16, Unit)>,
     },
-    /// The distance.
+    /// A distance in metres.
     Stated {
         metres: f64,
         /// How the file states it, in words.
@@ -80,9 +80,9 @@ impl Spacing {
     }
 }
 
-/// A spacing in the unit of a coordinate system, in metres, and why.
+/// Text for a message: a spacing, converted from the unit of a coordinate system to metres, and the reason for the conversion.
 fn in_usual(stated: f64, (system, unit): (u16, Unit)) -> String {
-    // Micrometres are far below the tolerance of a spacing.
+    // The number is rounded to micrometres, which are far below the tolerance of a spacing.
     let metres = (stated * unit.metres * 1e6).round() / 1e6;
     format!("{metres}, because the unit of EPSG:{system} is the {}", unit.name)
 }
@@ -122,7 +122,7 @@ mod tests {
         assert!(without(None).resolve(Some(25.0)).expect("the same").note.is_none());
         let other = without(None).resolve(Some(7.62)).expect("given");
         assert!((other.metres - 7.62).abs() < 1e-12 && other.note.is_some_and(|note| note.contains("25 without a unit;")));
-        // A system in feet gives an example that is true.
+        // If the coordinate system is in feet, the message converts the spacing to metres.
         let feet = without(Unit::of_code(9003).map(|unit| (2229, unit)));
         let text = feet.resolve(None).expect_err("no unit").to_string();
         assert!(text.contains("for example 7.620015, because the unit of EPSG:2229 is the US survey foot"), "{text}");

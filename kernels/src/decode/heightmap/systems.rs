@@ -1,7 +1,7 @@
-//! What the EPSG codes of coordinate systems say: units of projected systems, and units and directions of vertical systems.
+//! Properties of coordinate systems by their EPSG codes: units of projected systems, and units and directions of vertical systems. They are
+//! needed because a file that names a system need not state its unit.
 //!
-//! Source: EPSG Geodetic Parameter Dataset, version 12.029; the projected systems in feet, version 11.022. A file that names a system need not state its
-//! unit.
+//! Source: EPSG Geodetic Parameter Dataset, version 12.029; the projected systems in feet, version 11.022.
 
 use super::units::Unit;
 

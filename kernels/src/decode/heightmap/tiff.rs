@@ -4,7 +4,7 @@
 //! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). The crate would invert samples of
 //! photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
 //! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
-//! Of several images, the first one of full resolution is read. Images that belong to another one (SubIFDs) are not searched.
+//! Of several images, the first one of full resolution is read. Images that belong to another image (SubIFDs) are not searched.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -22,7 +22,7 @@ use super::raster::{Absent, Raster, Stored, turn};
 use super::scaling::Statement;
 use crate::decode::fault::Fault;
 
-/// The tag GDAL_METADATA, which holds a text.
+/// The tag GDAL_METADATA, whose value is a text.
 const GDAL_METADATA: Tag = Tag::Unknown(42_112);
 
 /// Largest length of the text of a tag, bytes.
@@ -117,16 +117,16 @@ struct Layout {
 /// An image of a file.
 #[derive(Clone, Copy)]
 struct Place {
-    /// Its number in the list of images, from 0.
+    /// Index in the list of images, from 0.
     index: usize,
     directory: IfdPointer,
 }
 
-/// The images of a file that matter.
+/// The images of a file that are used.
 struct Images {
     /// The image that is read: the first one of full resolution, or the first one if there is none.
     main: Place,
-    /// Says which samples have data.
+    /// The mask, which says which samples have data.
     mask: Option<Place>,
     /// Number of other images of full resolution.
     others: usize,
@@ -144,7 +144,7 @@ struct Description {
     is_geotiff: bool,
 }
 
-/// A part of a strip or tile, in samples of the image.
+/// The part of a strip or tile inside the image, in samples of the image.
 #[derive(Clone, Copy)]
 struct Chunk {
     index: u32,
@@ -466,15 +466,16 @@ impl Images {
     }
 }
 
-/// Makes the photometric interpretation of an image read as BlackIsZero, and goes to that image.
-///
-/// A directory is a count and entries of tag, type, count and value (TIFF 6.0, section 2). In BigTIFF, counts and values have 8 bytes.
+/// Patches the file so that the photometric interpretation of an image reads as BlackIsZero, and goes to that image.
 fn read_as_black_is_zero<R: Read + Seek>(file: &mut File<R>, image: Place) -> Result<(), Fault> {
     let patches = photometric_bytes(file, image.directory).map_err(Fault::of_io)?;
     file.inner().patches.extend(patches);
     file.seek_to_image(image.index).map_err(fault)
 }
 
+/// Returns the positions of the bytes of the photometric interpretation in a directory, with the bytes of BlackIsZero (the number 1).
+///
+/// A directory is a count and entries of tag, type, count and value (TIFF 6.0, section 2). In BigTIFF, counts and values have 8 bytes.
 fn photometric_bytes<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer) -> io::Result<Vec<(u64, u8)>> {
     file.goto_offset_u64(2)?;
     let is_big = file.read_short()? == 43;
@@ -483,7 +484,7 @@ fn photometric_bytes<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer) 
     let (head, entry_bytes, value_at) = if is_big { (8, 20, 12) } else { (2, 12, 8) };
     let mut patches = Vec::new();
     for number in 0..count {
-        // The directory has been read before, so it lies in the file, and positions in it do not overflow.
+        // The directory has been read before, so it is inside the file, and positions in it do not overflow.
         let entry = directory.0 + head + number * entry_bytes;
         file.goto_offset_u64(entry)?;
         let tag = file.read_short()?;
@@ -503,7 +504,7 @@ fn photometric_bytes<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer) 
     Ok(patches)
 }
 
-/// Reads the samples of a window of the first image, and marks those in missing strips and tiles.
+/// Reads the samples of a window of the current image of the file, and marks those in missing strips and tiles.
 fn samples<R: Read + Seek>(
     file: &mut File<R>,
     description: &Description,
@@ -564,14 +565,15 @@ fn samples<R: Read + Seek>(
     Ok((stored, absent))
 }
 
-/// The rows of a chunk that lie in a window, and their columns there, counted in the image.
+/// The rows of a chunk that are inside a window, each with the range of its columns inside the window. Rows and columns are counted in the
+/// image.
 fn overlap(chunk: Chunk, [x, y, w, h]: [usize; 4]) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
     let columns = chunk.left.max(x)..(chunk.left + chunk.width).min(x + w);
     let rows = chunk.top.max(y)..(chunk.top + chunk.height).min(y + h);
     rows.map(move |row| (row, columns.clone())).filter(|(_, columns)| !columns.is_empty())
 }
 
-/// Marks the samples that the mask hides. In the mask, 0 means that there are no data; so does a missing strip or tile.
+/// Marks the samples that the mask hides: those whose mask value is 0, and those whose strip or tile is missing in the mask.
 fn hide<R: Read + Seek>(
     file: &mut File<R>,
     mask: Place,
@@ -608,7 +610,7 @@ fn hide<R: Read + Seek>(
         for (row, columns) in overlap(chunk, [x, y, w, h]) {
             for column in columns {
                 let (across, start) = (column - chunk.left, (row - chunk.top) * row_bytes);
-                // The first sample of a byte is its highest bit.
+                // In a mask with 1 bit per sample, the first sample of a byte is its highest bit.
                 let byte = bytes.get(start + if layout.bits == 1 { across / 8 } else { across }).copied().unwrap_or(0);
                 let is_data = if layout.bits == 1 { (byte >> (7 - across % 8)) & 1 == 1 } else { byte != 0 };
                 let sample = &mut absent[(row - y) * w + column - x];

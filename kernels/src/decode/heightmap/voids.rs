@@ -5,8 +5,8 @@ use super::options::{NoData, Voids};
 use super::raster::{Absent, Raster};
 use crate::decode::fault::Fault;
 
-/// Values that often mark missing data in files that do not say so. They are those of ESRI, SRTM, Mapbox and others, and the ends of the
-/// range of 16-bit integers.
+/// Values that often mark missing data in files that do not name a no-data value. They are those of ESRI, SRTM, Mapbox and others, and the
+/// ends of the range of 16-bit integers.
 const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
 /// The marker of 16-bit unsigned integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;
@@ -23,7 +23,7 @@ const SURVEYED: usize = 1 << 16;
 /// Analysis*, 1977).
 const FENCE: f64 = 3.0;
 
-/// Zeros are far from all other samples if the nearest of these is farther from 0 than this share of their range.
+/// Zeros are far from all other samples if each other sample is farther from 0 than this share of the range of the other samples.
 const ZERO_GAP: f64 = 1.0 / 16.0;
 
 /// The samples without data, and the reasons.
@@ -32,7 +32,7 @@ pub(super) struct Found {
     /// Whether each sample has no data; empty if all samples have data.
     pub(super) mask: Vec<bool>,
     pub(super) count: usize,
-    /// The reasons with their counts, and the place of the first sample, in words; empty if all samples have data.
+    /// The reasons with their counts, and the place of the first sample without data, in words; empty if all samples have data.
     pub(super) words: String,
     /// Notes for the user, one line each.
     pub(super) notes: Vec<String>,
@@ -150,7 +150,7 @@ fn markers(depth: Depth) -> impl Iterator<Item = f64> {
     usual.chain(unsigned).chain(ends)
 }
 
-/// Refuses values that usually mark missing data, if they lie apart from all other samples.
+/// Refuses values that usually mark missing data, if their distance from all other samples exceeds [`MARKER_GAP`].
 fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     let stored = &raster.stored;
     let mut marks: Vec<(f64, Cause)> =
@@ -267,7 +267,7 @@ pub(super) fn note_of_zeros(raster: &Raster, found: &Found) -> Option<String> {
     })
 }
 
-/// Samples outside a fence.
+/// Samples that a remark or a note is about: their number, the index of the first one, and their lowest and highest value.
 struct Group {
     count: usize,
     first: usize,
@@ -307,7 +307,7 @@ mod tests {
     use super::super::spacing::Spacing;
     use super::*;
 
-    /// A map of 40 x 25 samples of smooth ground from `low` to `high`, of which the given ones are replaced.
+    /// A map of 40 x 25 samples of smooth ground from `low` to `high`. `replaced`: indices of samples, and the values that replace them.
     fn ground(depth: Depth, [low, high]: [f64; 2], replaced: &[(usize, f64)]) -> Raster {
         let mut samples: Vec<f64> = (0..1000).map(|i| low + (high - low) * (0.5 - 0.5 * (f64::from(i) * 0.0217).cos())).collect();
         if !depth.is_float() {

@@ -50,8 +50,8 @@ pub(super) enum Encoding {
 pub(super) struct Stored {
     /// Texels along an edge, at least 1.
     pub(super) edge: usize,
-    /// Number of channels that are used: 1 (repeated in all three), 2 (the third is 0) or 3. Alpha counts only where it holds the second
-    /// component of a vector.
+    /// Number of channels that are used: 1 (repeated in all three), 2 (the third is 0) or 3. Alpha is used only as the second component of
+    /// a vector.
     pub(super) channels: usize,
     /// Finite values, row by row.
     pub(super) texels: Vec<[f32; 3]>,
@@ -77,14 +77,14 @@ pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) ->
             decoder.set_limits(Limits::default()).map_err(undecodable)?;
             coded(decoder, want, &Colours::default())
         }
-        // This is refused with the name of the format.
+        // `open` refuses all other formats, with an error that names the format.
         Ok(other) => pixels(open(input, other)?),
         Err(_) => Err(Fault::Unsupported("not a readable PNG, JPEG, TGA or OpenEXR image: save it again as 8- or 16-bit PNG".to_owned())),
     }
 }
 
-/// Checks the size that the header of a TGA file states, and that a file of this length can hold so many texels, before memory for them is allocated
-/// (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
+/// Checks the header of a TGA file before memory for the texels is allocated: the size that it states, and whether a file of this length
+/// can contain so many texels (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
 fn check_tga(start: &[u8], length: u64) -> Result<(), Fault> {
     let Some(header) = start.first_chunk::<TGA_HEADER>() else {
         return Err(Fault::Damaged("TGA: it ends too early".to_owned()));
@@ -93,7 +93,7 @@ fn check_tga(start: &[u8], length: u64) -> Result<(), Fault> {
     edge_of(u32::from(width), u32::from(height))?;
     let texels = u64::from(width) * u64::from(height);
     let bytes = u64::from(header[16].div_ceil(8));
-    // Types 9 to 11 are compressed: a packet holds at most 128 texels, and has at least one byte and one texel.
+    // Types 9 to 11 are compressed: a packet represents at most 128 texels, and takes at least one byte and the bytes of one texel.
     let data = if header[2] & 8 == 0 { texels * bytes } else { texels.div_ceil(128) * (1 + bytes) };
     if length < TGA_HEADER as u64 + data {
         return Err(Fault::Damaged(format!("TGA: {length} bytes cannot hold {width}x{height} texels")));

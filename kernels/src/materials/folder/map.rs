@@ -132,7 +132,7 @@ fn number(mut stored: Stored, channel: Option<usize>) -> std::result::Result<Sto
 
 /// Converts a height map. Heights are relative, so floats outside 0..1, such as metres, are scaled to 0..1.
 fn height(stored: Stored) -> std::result::Result<Map, String> {
-    // Integer codes always lie in 0..1, so only floats are searched.
+    // Integer codes always lie in 0..1, so the range is computed only for floats.
     let (low, high) = if stored.encoding == Encoding::Floats { range(&stored.texels, 1) } else { (0.0, 1.0) };
     if low >= 0.0 && high <= 1.0 {
         return Ok(mapped(stored, |texel| texel));
@@ -195,7 +195,8 @@ fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
 
 /// Whether the values are n itself rather than (n + 1) / 2. Values that are neither are refused.
 ///
-/// Floats hold n itself if x or y is negative, or if their mean is nearer to 0 than to 0.5: a texture is flat on average.
+/// Floats are n itself if x or y is negative, or if the mean of x and y is nearer to 0 than to 0.5. The mean of n is near 0, because a
+/// texture is flat on average.
 fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     let is_signed = stored.encoding == Encoding::Floats && {
         let sum = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>();

@@ -1,8 +1,8 @@
-//! Interprets the name of an image file: which map of a material the file holds, and how the map is to be read.
+//! Interprets the name of an image file: which map of a material the file contains, and how the map is to be read.
 //!
 //! The name is split into words at every character that is neither a letter nor a digit, and where a capital letter begins a word
 //! (`NormalGL`). Words that describe only the file (`2K`, `JPG`, `LOD0`, `16bit`) are not part of the name of the map or of the material.
-//! If several words name a map, the last ones count, because the name of a material may contain such words, as `rough_linen` and
+//! If several words name a map, the last ones take precedence, because the name of a material may contain such words, as `rough_linen` and
 //! `metal_plate` do. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
 //! Megascans, Poliigon, Substance and glTF.
 
@@ -191,7 +191,8 @@ fn words_of(name: &str) -> Vec<&str> {
                 let followed_by_small = after.is_some_and(char::is_lowercase);
                 let is_new = c.is_uppercase()
                     && before.is_some_and(|before| {
-                        // `sRGB` stays one word, and so does `2K`.
+                        // A capital letter after a lower-case letter begins a word, unless the word so far is a single letter: `sRGB` is
+                        // one word. After any other character, it begins a word only if a lower-case letter follows: `2K` is one word.
                         if before.is_lowercase() { i - first >= 2 } else { followed_by_small }
                     });
                 if is_new {

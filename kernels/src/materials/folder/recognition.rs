@@ -1,4 +1,4 @@
-//! Finds out, from the names of the files in a folder, which file holds which map of a material. No file is opened.
+//! Finds out, from the names of the files in a folder, which file contains which map of a material. No file is opened.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -104,7 +104,7 @@ pub struct Recognised {
     pub occlusion: Option<Source>,
     /// Texts in the folder.
     pub notes: Vec<PathBuf>,
-    /// All other files of the folder.
+    /// Files that are not used, with the reasons.
     pub unused: Vec<Unused>,
 }
 
@@ -169,7 +169,7 @@ impl Listing {
     }
 }
 
-/// An image whose name says which map it holds.
+/// An image whose name says which map it contains.
 #[derive(Clone, Debug)]
 struct Candidate {
     file: PathBuf,
@@ -187,7 +187,8 @@ impl Candidate {
         Source { file: self.file.clone(), reading, tile_m: self.label.tile_m }
     }
 
-    /// The source of a map that is one channel of this packed map; `None`: it does not hold the map. `reading`: how to read a channel.
+    /// The source of a map that is one channel of this packed map; `None` if no channel contains the map. `reading`: how to read the
+    /// channel of this index.
     fn channel(&self, held: Held, reading: fn(usize) -> Reading) -> Option<Source> {
         let Kind::Packed(channels) = self.label.kind else { return None };
         let channel = channels.iter().position(|&in_channel| in_channel == held)?;
@@ -215,8 +216,8 @@ pub struct Sorted {
 
 /// Sorts the files of one folder by the materials in their names.
 ///
-/// The folder holds several materials if at least two of the names each have an albedo and another map. Each of these names then forms a
-/// set. Otherwise, all files form one set.
+/// The folder holds several materials if the file names state at least two materials that each have an albedo and another map. Each of
+/// these materials then forms a set. Otherwise, all images whose names state a map form one set.
 pub fn sort_out(files: &[PathBuf]) -> Sorted {
     let mut sorted = Sorted::default();
     let mut notes = Vec::new();
@@ -298,10 +299,12 @@ impl Set {
 
     /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
     ///
-    /// If there are several files for one map, one is chosen by these criteria: the same material in the name as in the name of the albedo; a
-    /// format that can be read; for normal maps, the convention (OpenGL before an unstated convention, and this before DirectX); a finer level
-    /// of detail; a higher resolution up to 8192, if all names state one. Roughness comes from a roughness
-    /// map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a packed map if they have no file.
+    /// If there are several files for one map, one is chosen by these criteria: the same material in the name as in the name of the albedo;
+    /// a format that can be read; for normal maps, the convention (OpenGL, then an unstated convention, then DirectX); a finer level of
+    /// detail; a higher resolution up to 8192, if all names state a resolution.
+    ///
+    /// Roughness comes from a roughness map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a
+    /// packed map if they have no separate file.
     ///
     /// # Errors
     /// One line: a map is missing, or two files remain for the same map.

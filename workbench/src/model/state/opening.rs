@@ -123,7 +123,8 @@ impl Model {
     /// Records that the scene was saved in a file. That file is the file of the scene from then on.
     pub(crate) fn saved_as(&mut self, file: &Path) {
         self.original = self.settings.scene.clone();
-        // A scene cannot be opened by a file name that is not valid UTF-8, and such a name cannot be saved in the state.
+        // A file name that is not valid UTF-8 can neither be saved in the state nor be used to open the scene. In this case, the scene keeps its
+        // previous file.
         let Some(name) = file.to_str().map(kept::scene_name).filter(|name| self.given.as_ref() != Some(name)) else { return };
         self.materials.opened(&name);
         self.scenes.opened(&name);
