@@ -101,7 +101,7 @@ fn the_trial_definition_says_what_it_says() {
     let ratio =
         parse(&edited("metric = \"gpu_ms:shading\"", "metric = \"gpu_ratio:shading\"").replace("over = { variant = \"auto\" }\n", ""));
     assert_eq!(ratio.map(|ratio| ratio.expectations[1].over.clone()), Ok(None));
-    // Without the number of invalid pixels, nobody would know that other metrics leave pixels out.
+    // The number of invalid pixels is always measured, because all other metrics leave these pixels out.
     assert!(trial.measures("invalid_px"));
     let setting = Some(toml::Value::Float(0.05));
     let scene = trial.scene(&setting, None).expect("the built-in scene");
@@ -156,6 +156,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("size = [64, 36]", "size = [16384, 16384]", &["size", "67108864"]),
     ("frames = 4", "frames = 0", &["frames", "at least 1"]),
     ("frames = 4", "frames = 90000", &["frames", "more than path `sideways` has: give at most"]),
+    ("frames = 4", "frames = 4\nwarm_up = 4", &["warm_up", "is 4, but there are 4 frames, so none would be measured"]),
     ("metrics = [\"rmse\"", "metrics = [\"power\", \"rmse\"", &["metrics 1", "at least 64 pixels"]),
     ("frames = 4", "frames = 1000000", &["frames", "100000"]),
     ("seeds = 2", "seeds = 1", &["seeds", "no variance"]),

@@ -474,9 +474,18 @@ fn times() -> BoxedStrategy<Times> {
 }
 
 fn small() -> BoxedStrategy<Small> {
-    let counts = (option::of(any::<[u32; 2]>()), option::of(any::<u32>()), option::of(any::<u32>()));
+    let count = || option::of(any::<u32>());
+    let counts = (option::of(any::<[u32; 2]>()), count(), count(), count());
     (counts, option::of(texts()), option::of(texts()), option::of(vec(value(), 0..3)))
-        .prop_map(|((size, frames, seeds), views, variants, values)| Small { size, frames, seeds, views, variants, values })
+        .prop_map(|((size, frames, warm_up, seeds), views, variants, values)| Small {
+            size,
+            frames,
+            warm_up,
+            seeds,
+            views,
+            variants,
+            values,
+        })
         .boxed()
 }
 
@@ -488,7 +497,7 @@ fn expectation() -> BoxedStrategy<Expectation> {
 
 fn definitions() -> BoxedStrategy<Definition> {
     let head = (text(), text(), text(), option::of(text()), option::of(import()), texts(), vec(moving_view(), 0..3));
-    let middle = (any::<[u32; 2]>(), any::<u32>(), any::<u32>(), texts(), texts(), texts(), texts());
+    let middle = (any::<[u32; 2]>(), any::<u32>(), any::<u32>(), any::<u32>(), texts(), texts(), texts(), texts());
     let vary = option::of((text(), vec(value(), 0..3)).prop_map(|(parameter, values)| Vary { parameter, values }));
     let reference = (any::<u32>(), any::<u32>()).prop_map(|(spp, max_spp)| Reference { spp, max_spp });
     let viewing =
@@ -497,7 +506,7 @@ fn definitions() -> BoxedStrategy<Definition> {
     (head, middle, tail, (texts(), viewing))
         .prop_map(|(head, middle, tail, (signals, viewing))| {
             let (name, question, analysis, scene, import, views, moving_views) = head;
-            let (size, frames, seeds, variants, estimators, noises, temporal) = middle;
+            let (size, frames, warm_up, seeds, variants, estimators, noises, temporal) = middle;
             let (vary, settings, metrics, video, reference, (times, times_budget_s), small, expectations) = tail;
             Definition {
                 name,
@@ -509,6 +518,7 @@ fn definitions() -> BoxedStrategy<Definition> {
                 moving_views,
                 size,
                 frames,
+                warm_up,
                 seeds,
                 variants,
                 estimators,
@@ -773,7 +783,7 @@ fn recorded_paths_are_read_as_they_were_written() {
 }
 
 fn layout() -> BoxedStrategy<Layout> {
-    // A name that no pane has is left out when the layout becomes a tree.
+    // No pane is called `Gone`. Such a name is left out when the layout becomes a tree.
     let names: Vec<String> = Pane::ALL.iter().map(|pane| pane.name().to_owned()).chain(["Gone".to_owned()]).collect();
     let shares = || vec(0.01..4.0f32, 0..4);
     select(names)
@@ -928,7 +938,7 @@ fn records(file: &str) -> Vec<csv::StringRecord> {
 
 #[test]
 fn a_picture_has_the_same_bytes_whichever_threads_compress_its_tiles() {
-    // 10 x 6 tiles of 64 pixels. Uniform tiles and tiles of noise alternate, so threads take different times for them.
+    // 10 x 6 tiles of 64 x 64 pixels. A third of the tiles is uniform and the others are noise, so threads need different times for them.
     let size = [640, 384];
     let value = |i: u32, channel: i32| {
         let (x, y) = (i % size[0], i / size[0]);
@@ -955,7 +965,7 @@ fn a_picture_has_the_same_bytes_whichever_threads_compress_its_tiles() {
     for (i, file) in files.iter().enumerate() {
         assert!(*file == files[0], "file {i} has other bytes than file 0");
     }
-    // The file says that its tiles are in order, and they are many.
+    // The header must state that the tiles are in increasing order. The file must have all 60 tiles, so that the order matters.
     let meta = exr::prelude::MetaData::read_from_file(folder.0.join("0.exr"), true).expect("readable");
     assert_eq!((meta.headers[0].line_order, meta.headers[0].chunk_count), (exr::prelude::LineOrder::Increasing, 60));
     // Negative control: another picture has other bytes.

@@ -111,6 +111,36 @@ fn run_whole(folder: &Folder) -> Whole {
     Whole { tables, rows: run.rows, took }
 }
 
+/// The first two of three frames warm up. The rows of the third frame are those of a run in which all frames are measured, and the values over all
+/// frames are those of the third frame.
+#[test]
+fn frames_that_warm_up_are_drawn_but_not_measured() {
+    let folder = Folder::new("warm-up");
+    let [definition, out] = prepare(&folder);
+    fs::write(&definition, TEXT.replace("frames = 3", "frames = 3\nwarm_up = 2").replace("video = true", "")).expect("writable");
+    success(&["run", &definition, "--out", &out]);
+    let report = fs::read_to_string(Path::new(&out).join("tiny").join("report.html")).expect("written");
+    assert!(report.contains("3, of which the first 2 are not measured"));
+    let warmed = read_run(&Path::new(&out).join("tiny")).expect("the run is read back").rows;
+    let of_frames = |rows: &[Row]| rows.iter().filter(|row| row.frame == Some(2)).cloned().collect::<Vec<Row>>();
+    assert!(warmed.iter().all(|row| row.frame.is_none_or(|frame| frame == 2)), "only the third frame is measured");
+    assert_eq!(of_frames(&warmed), of_frames(&whole().rows), "the third frame has seen the same frames before it");
+    let mut compared = 0;
+    for row in warmed.iter().filter(|row| row.frame.is_none() && row.lag.is_some()) {
+        // The percentiles come from histograms, and have no rows of single frames.
+        let is_same = |last: &&Row| {
+            let Row { frame, value, standard_error, freedom, .. } = (*last).clone();
+            frame.is_some() && Row { frame, value, standard_error, freedom, ..row.clone() } == **last
+        };
+        let Some(last) = warmed.iter().find(is_same) else { continue };
+        let scale = last.value.abs().max(1e-6);
+        assert!((row.value - last.value).abs() < 1e-9 * scale, "{row:?} {last:?}");
+        assert_eq!(row.standard_error, None, "one frame has no scatter: {row:?}");
+        compared += 1;
+    }
+    assert!(compared > 100, "{compared}");
+}
+
 /// Checks the PNG sequences of the run. Each is compared with the reference sequence of the same resolve, by the command lines in its `judge.txt`.
 fn check_videos(video: &Path) {
     let frame = |sequence: &str, frame: u32, of: &str| fs::read(video.join(sequence).join(format!("{frame:04}.{of}")));
@@ -123,7 +153,7 @@ fn check_videos(video: &Path) {
         let judges = fs::read_to_string(video.join(&sequence).join("judge.txt")).expect("written");
         assert!(judges.contains("cvvdp") && judges.contains(&format!("../{reference}/%04d.png")), "{judges}");
     }
-    // A history begins with the first frame, and changes the frames after it.
+    // The resolve `exponential` has no history in the first frame, so it does not change this frame. It must change later frames.
     let resolved =
         |i: u32| ["off", "exponential"].map(|resolve| frame(&format!("reference-cliff-sideways-{resolve}"), i, "png").expect("written"));
     let ([first, first_resolved], [last, last_resolved]) = (resolved(0), resolved(2));

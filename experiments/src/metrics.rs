@@ -16,7 +16,8 @@ pub enum Needs {
     Clock,
 }
 
-/// The column that distinguishes the rows of a metric that agree in view, variant, estimator, noise, temporal resolve, setting and frame.
+/// An additional column that identifies a row. It distinguishes rows of a metric that are equal in view, variant, estimator, noise, temporal resolve,
+/// setting and frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// No additional column.
@@ -42,42 +43,70 @@ pub enum Signals {
 pub const SMALLEST_SIDE: u32 = 64;
 /// Largest lag. A lag is the number of frames between the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
-/// Limit of the number of groups of consecutive frames. The standard errors of the metrics in [`RESIDUALS`] over all frames are computed from the
-/// scatter of these groups. Groups of several frames count correlated frames less often than single frames do.
+/// Limit of the number of groups of consecutive frames into which a sequence is divided. The standard errors of the metrics in [`RESIDUALS`] over all
+/// frames are computed from the scatter of these groups. Neighbouring frames are correlated, so single frames would give a smaller standard error
+/// than groups of several frames.
 pub const GROUPS: u32 = 20;
 
-/// Limit of the number of frames whose perceived noise is measured. Filtering every frame in space would take longer than measuring it.
+/// Limit of the number of frames whose perceived noise is measured. Filtering a frame in space takes longer than all its other measurements.
 const SEEN: u32 = 4;
 
-/// Whether the perceived noise of a frame is measured: the last frame, and up to three before it at even distances in the second half of the
-/// sequence. The first half is left out, because the memory of the eye fills in it.
-pub fn is_seen(frame: u32, frames: u32) -> bool {
-    let step = seen_step(frames);
-    frame >= frames / 2 && frame < frames && (frames - 1 - frame).is_multiple_of(step) && (frames - 1 - frame) / step < seen_frames(frames)
-}
-
-/// Number of frames whose perceived noise is measured in a sequence of `frames` frames.
-pub fn seen_frames(frames: u32) -> u32 {
-    if frames > 1 { ((frames - 1 - frames / 2) / seen_step(frames) + 1).min(SEEN) } else { 0 }
-}
-
-/// The first frame whose perceived noise is measured in a sequence of `frames` frames; `None` if there is none.
-pub fn first_seen(frames: u32) -> Option<u32> {
-    seen_frames(frames).checked_sub(1).map(|before| frames - 1 - before * seen_step(frames))
-}
-
-/// The memory of the eye is filled after this number of frames, divided by the share of a new frame in it.
+/// The memory of the eye is considered filled after `FILLED / adaptation` frames. For `adaptation`, see [`Sequence::is_memory_filled`].
 const FILLED: f64 = 1.5;
 
-/// Whether the memory of the eye is filled in the first frame whose perceived noise is measured. In shorter sequences, noise that changes in every frame
-/// scores too high. `adaptation`: the share of a new frame in the memory, above 0.
-pub fn is_memory_filled(frames: u32, adaptation: f64) -> bool {
-    first_seen(frames).is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
+/// Which frames of a sequence are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sequence {
+    /// Number of frames that are drawn.
+    pub frames: u32,
+    /// Number of frames at the start that are drawn but not measured; less than `frames`.
+    pub warm_up: u32,
 }
 
-/// Distance of two frames whose perceived noise is measured.
-fn seen_step(frames: u32) -> u32 {
-    ((frames - frames / 2) / SEEN).max(1)
+impl Sequence {
+    /// Number of measured frames.
+    pub const fn measured(self) -> u32 {
+        self.frames.saturating_sub(self.warm_up)
+    }
+
+    /// Number of measured frames that have a frame `lag` frames before them.
+    pub fn compared(self, lag: u32) -> u32 {
+        self.frames.saturating_sub(self.warm_up.max(lag))
+    }
+
+    /// Whether the perceived noise of a frame is measured: the last frame, and up to three before it at even distances. All of them are measured
+    /// frames in the second half of the sequence. In the first half, the memory of the eye, which is an exponential mean of the error over time, is
+    /// not filled yet.
+    pub fn is_seen(self, frame: u32) -> bool {
+        let (last, step) = (self.frames.saturating_sub(1), self.seen_step());
+        frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
+    }
+
+    /// Number of frames whose perceived noise is measured.
+    pub fn seen_frames(self) -> u32 {
+        if self.frames > 1 { ((self.frames - 1 - self.seen_from()) / self.seen_step() + 1).min(SEEN) } else { 0 }
+    }
+
+    /// The first frame whose perceived noise is measured; `None` if there is none.
+    pub fn first_seen(self) -> Option<u32> {
+        self.seen_frames().checked_sub(1).map(|before| self.frames - 1 - before * self.seen_step())
+    }
+
+    /// Whether the memory of the eye is filled in the first frame whose perceived noise is measured. In shorter sequences, the perceived noise of
+    /// noise that changes in every frame is too high. `adaptation`: the weight of a new frame in the exponential mean, above 0.
+    pub fn is_memory_filled(self, adaptation: f64) -> bool {
+        self.first_seen().is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
+    }
+
+    /// First frame whose perceived noise may be measured.
+    fn seen_from(self) -> u32 {
+        (self.frames / 2).max(self.warm_up).min(self.frames.saturating_sub(1))
+    }
+
+    /// Number of frames from one frame whose perceived noise is measured to the next.
+    fn seen_step(self) -> u32 {
+        ((self.frames - self.seen_from()) / SEEN).max(1)
+    }
 }
 
 /// A metric.
@@ -103,8 +132,8 @@ impl Metric {
         self.needs != Needs::Clock
     }
 
-    /// The unit of the metric for a signal. Metrics of albedo are in linear albedo. Metrics of the lit picture are in display values, which are
-    /// sRGB-encoded: errors of colours in their linear form, changes of luminance as they are.
+    /// The unit of the metric for a signal. For the lit picture, linear albedo is replaced by display values. Errors of colours are computed from
+    /// display values that are decoded to linear. Changes of luminance are computed from display values as they are, which are sRGB-encoded.
     pub fn unit_of(&self, signal: Signal) -> String {
         match signal {
             Signal::Albedo => self.unit.to_owned(),
@@ -218,8 +247,8 @@ pub const RESIDUALS: [&str; 6] = [RESIDUAL, RESIDUAL_P95, RESIDUAL_RMS, ADDED, L
 /// The metrics that compare a picture with the converged reference.
 pub const ERRORS: [&str; 6] = [MSE, RMSE, MRSE, PSNR, SSIM, FLIP];
 
-/// Returns the metric with which another metric is always measured, even if a definition requests only the former. The report needs both to judge
-/// them.
+/// Returns another metric, such as `bias` for `bias_squared`. A run that measures the returned metric also measures the metric `name`, even if the
+/// definition does not request it, because the report needs both numbers. `None` if there is no such metric.
 pub fn companion_of(name: &str) -> Option<&'static str> {
     match name {
         BIAS_SQUARED | BIAS_SQUARED_P => Some(BIAS),
@@ -305,30 +334,43 @@ mod tests {
         assert_eq!([FLIP_RATE, BIAS, ADDED].map(column), ["", "albedo", "lit"]);
     }
 
+    /// A sequence all of whose frames are measured.
+    fn whole(frames: u32) -> Sequence {
+        Sequence { frames, warm_up: 0 }
+    }
+
     #[test]
     fn seen_frames_are_counted() {
-        for frames in [0, 1, 2, 3, 4, 5, 8, 9, 16, 17, 400] {
-            assert_eq!((0..frames + 9).filter(|&frame| is_seen(frame, frames)).count(), seen_frames(frames) as usize, "{frames} frames");
-        }
-        assert_eq!([1, 2, 5, 16, 100_000].map(seen_frames), [0, 1, 3, 4, 4]);
-        let seen: Vec<u32> = (0..16).filter(|&frame| is_seen(frame, 16)).collect();
-        assert_eq!(seen, [9, 11, 13, 15]);
+        let seen = |sequence: Sequence| (0..sequence.frames + 9).filter(|&frame| sequence.is_seen(frame)).collect::<Vec<u32>>();
         for frames in 0..99 {
-            assert_eq!(first_seen(frames), (0..frames).find(|&frame| is_seen(frame, frames)), "{frames} frames");
+            for warm_up in (0..frames).step_by(3) {
+                let sequence = Sequence { frames, warm_up };
+                let frames = seen(sequence);
+                assert_eq!(frames.len(), sequence.seen_frames() as usize, "{sequence:?}");
+                assert_eq!(frames.first().copied(), sequence.first_seen(), "{sequence:?}");
+                assert!(frames.iter().all(|&frame| frame >= warm_up), "{sequence:?}");
+            }
         }
+        assert_eq!([1, 2, 5, 16, 100_000].map(|frames| whole(frames).seen_frames()), [0, 1, 3, 4, 4]);
+        assert_eq!(seen(whole(16)), [9, 11, 13, 15]);
+        assert_eq!(seen(Sequence { frames: 40, warm_up: 32 }), [33, 35, 37, 39]);
+        assert_eq!(Sequence { frames: 40, warm_up: 2 }.compared(1), 38);
+        assert_eq!(Sequence { frames: 40, warm_up: 2 }.compared(4), 36);
     }
 
     #[test]
     fn noise_of_sequences_that_are_too_short_scores_too_high() {
         let adaptation =
             |frames_per_second: f64| kernels::metrics::Viewing { frames_per_second, ..kernels::metrics::Viewing::default() }.adaptation();
-        // At 60 frames per second, the memory needs 10 frames. Of 15 frames, the first that is seen is frame 8, the 9th; of 16 frames, it is the 10th.
+        // At 60 frames per second, the memory is filled after 10 frames. In a sequence of 15 frames, perceived noise is first measured in frame 8,
+        // which is the 9th frame. In a sequence of 16 frames, it is first measured in the 10th frame.
         assert_eq!(
-            [0, 1, 5, 15, 16, 400].map(|frames| is_memory_filled(frames, adaptation(60.0))),
+            [0, 1, 5, 15, 16, 400].map(|frames| whole(frames).is_memory_filled(adaptation(60.0))),
             [false, false, false, false, true, true]
         );
-        assert!(is_memory_filled(9, adaptation(30.0)) && !is_memory_filled(9, adaptation(60.0)));
-        // The root mean square of noise that is independent in each frame, in the memory of the nth frame.
+        assert!(whole(9).is_memory_filled(adaptation(30.0)) && !whole(9).is_memory_filled(adaptation(60.0)));
+        assert!(Sequence { frames: 15, warm_up: 10 }.is_memory_filled(adaptation(60.0)), "all measured frames come after the 10th");
+        // Returns the root mean square of the memory after `n` frames of noise that is independent in each frame and has a variance of 1.
         let root = |a: f64, n: u32| {
             let step = |variance: f64, n: u32| {
                 let share = a.max(1.0 / f64::from(n));
@@ -337,14 +379,15 @@ mod tests {
             (1..=n).fold(0.0_f64, step).sqrt()
         };
         let last = |a: f64| (a / (2.0 - a)).sqrt();
-        // Where the memory is filled, it is too high by less than a fifth. In 5 frames, the mean of the frames that are seen is too high by 76 %.
+        // If the memory is filled, its root mean square is larger than the limit for many frames by less than a fifth. In a sequence of 5 frames, the
+        // mean over the measured frames is larger by 76 %.
         for a in [24.0, 30.0, 60.0, 120.0].map(adaptation) {
             let filled = (FILLED / a).ceil() as u32;
             assert!(root(a, filled) < 1.2 * last(a) && root(a, filled / 3) > 1.2 * last(a), "{a}");
             assert!((root(a, 1000) / last(a) - 1.0).abs() < 1e-9, "{a}");
         }
         let a = adaptation(60.0);
-        let seen: Vec<f64> = (0..5).filter(|&frame| is_seen(frame, 5)).map(|frame| root(a, frame + 1)).collect();
+        let seen: Vec<f64> = (0..5).filter(|&frame| whole(5).is_seen(frame)).map(|frame| root(a, frame + 1)).collect();
         let mean = seen.iter().sum::<f64>() / seen.len() as f64;
         assert!((mean / last(a) - 1.76).abs() < 0.01, "{mean}");
     }
@@ -361,7 +404,7 @@ mod tests {
         assert!(time.name == TIME && !time.is_deterministic());
         assert!(find("gpu_ms:").is_none() && find("gpu_ratio:").is_none() && find("bias:shading").is_none());
         assert!(known("gpu_ms").is_err_and(|text| text.contains("gpu_ms:shading")));
-        // A ratio of times is of the clock, too, but it has no unit and is not a time of a pass.
+        // A ratio of times also needs the clock, but it has no unit and is not a time of a pass.
         assert_eq!((time_of(SHADING_PASS).as_str(), ratio_of(SHADING_PASS).as_str()), (SHADING_TIME, SHADING_RATIO));
         let ratio = find(SHADING_RATIO).expect("a ratio");
         assert_eq!((ratio.name, ratio.unit, ratio.is_deterministic(), timed_pass(SHADING_RATIO)), (TIME_RATIO, "1", false, None));

@@ -47,6 +47,10 @@ pub struct Definition {
     pub size: [u32; 2],
     /// Number of frames of each sequence, at least 1. Time is measured in frames, not by a clock.
     pub frames: u32,
+    /// Number of frames at the start of each sequence that are drawn, but not measured; less than `frames`. Temporal resolves need them, because a
+    /// sequence begins without history. Videos contain these frames.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub warm_up: u32,
     /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
     #[serde(default)]
     pub seeds: u32,
@@ -150,7 +154,7 @@ impl Default for Viewing {
 }
 
 impl Viewing {
-    /// The same, as the meter takes it.
+    /// Converts the settings to the type that the meter of the renderer takes.
     pub(crate) fn of_meter(self) -> kernels::metrics::Viewing {
         kernels::metrics::Viewing { frames_per_second: self.frames_per_second, pixels_per_degree: self.pixels_per_degree }
     }
@@ -250,6 +254,11 @@ pub enum Times {
     All,
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
 /// Changes of the definition that make `check` quick. If a key is absent, the value of the definition is kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -258,6 +267,8 @@ pub struct Small {
     pub size: Option<[u32; 2]>,
     /// Number of frames of each sequence.
     pub frames: Option<u32>,
+    /// Number of frames at the start of each sequence that are not measured.
+    pub warm_up: Option<u32>,
     /// Number of seeds.
     pub seeds: Option<u32>,
     /// Names of the views to keep, from `views` and `[[view]]`.
@@ -390,13 +401,19 @@ impl Definition {
         Err(format!("`{metric}` is not among `metrics`: add it to this list"))
     }
 
+    /// Which frames of a sequence are measured.
+    pub fn sequence(&self) -> metrics::Sequence {
+        metrics::Sequence { frames: self.frames, warm_up: self.warm_up }
+    }
+
     /// Returns the definition with the changes of [`Small`] applied.
     #[must_use]
     pub fn small(&self) -> Definition {
         let mut small = self.clone();
-        let Small { size, frames, seeds, views, variants, values } = std::mem::take(&mut small.small);
+        let Small { size, frames, warm_up, seeds, views, variants, values } = std::mem::take(&mut small.small);
         small.size = size.unwrap_or(small.size);
         small.frames = frames.unwrap_or(small.frames);
+        small.warm_up = warm_up.unwrap_or(small.warm_up);
         small.seeds = seeds.unwrap_or(small.seeds);
         small.times_budget_s = small.times_budget_s.min(SMALL_TIMES_BUDGET_S);
         small.variants = variants.unwrap_or(small.variants);

@@ -116,6 +116,7 @@ fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let changed = |key: &str| match key {
         "size" => small.size.is_some(),
         "frames" => small.frames.is_some(),
+        "warm_up" => small.warm_up.is_some(),
         "seeds" => small.seeds.is_some(),
         "views" => small.views.is_some(),
         "variants" => small.variants.is_some(),
@@ -196,6 +197,12 @@ fn shape(definition: &Definition) -> Checked {
         frames.fail("is 0: give at least 1, or at least 2 for metrics that compare frames")?;
     }
     frames.within(f64::from(definition.frames), 1.0, f64::from(MAX_FRAMES))?;
+    if definition.warm_up >= definition.frames {
+        top.key("warm_up").fail(format!(
+            "is {}, but there are {} frames, so none would be measured: give fewer frames to warm up, or more `frames`",
+            definition.warm_up, definition.frames
+        ))?;
+    }
     let seeds = top.key("seeds");
     if definition.seeds == 1 {
         seeds.fail("is 1, but one seed has no variance: give 0 to omit bias and variance, or at least 2")?;

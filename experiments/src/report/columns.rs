@@ -1,4 +1,5 @@
-//! The columns of a report's tables, and the reasons for missing numbers.
+//! The content of a report's tables: columns, cells, Pareto fronts, checks, and facts about the set-up. If a number is missing, its cell gives the
+//! reason.
 
 use std::collections::BTreeSet;
 
@@ -29,7 +30,7 @@ pub(super) enum Source {
     WithError(Metric),
     /// The promised fetches of a forced variant: the sum over its flavours.
     Promised,
-    /// The shading time, divided by that of the base of the view, with its interval.
+    /// The shading time, divided by that of the first timed choice of the view ([`Table::shading_base`]), with its interval.
     ShadingRatio,
 }
 
@@ -213,19 +214,19 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// How a row stands to a Pareto front.
+/// The position of a row relative to a Pareto front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// A row of the front is better.
+    /// A row on the front is better, or the cost or the error of this row was not measured.
     #[default]
     Beaten,
-    /// It is not on the front, but nothing distinguishes it from a row that is.
+    /// The row is not on the front, but it is as good as a row on the front within chance.
     Alike,
-    /// It is on the front.
+    /// The row is on the front.
     On,
 }
 
-/// How a row stands to each of the two Pareto fronts of its view: cost against error, and cost against added change.
+/// The position of a row relative to the two Pareto fronts of its view: cost against error, and cost against added change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
     pub(super) error: Standing,
@@ -233,12 +234,13 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    /// Whether the row lies on one of the fronts.
+    /// Whether the row is on at least one of the fronts.
     pub(super) fn is_on(self) -> bool {
         self.error == Standing::On || self.added == Standing::On
     }
 
-    /// Returns the names of the fronts on which the row lies. The name is in brackets if the row is only as good within chance. Empty = none.
+    /// Returns the names of the fronts of the row. A name in brackets means that the row is not on this front, but as good within chance. Empty =
+    /// none.
     pub(super) fn name(self) -> String {
         let word = |standing: Standing, name: &str| match standing {
             Standing::Beaten => None,
@@ -269,7 +271,8 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
 }
 
 /// Compares the counted fetches of single flavours with their promises. Returns one row for each pair of view and flavour. If several choices have
-/// this pair, the choice with the largest deviation is returned, or one whose count is NaN. Choices without a count are left out.
+/// this pair, a choice whose count disagrees with the promise takes precedence, and then the choice with the largest deviation. A count of NaN
+/// disagrees. Choices without a count are left out.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
@@ -307,7 +310,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
     named_checks(run, table, verdicts).into_iter().filter_map(|(_, check)| check).collect()
 }
 
-/// Returns statements that stand beside the checks, but are neither right nor wrong.
+/// Returns the remarks that the report shows beside the checks. Remarks neither pass nor fail.
 pub(super) fn remarks(table: &Table) -> Vec<String> {
     tested::by_design(table).into_iter().collect()
 }
@@ -410,7 +413,13 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
         ("Scene", scene),
         ("Views", list(&table.views)),
         ("Picture", format!("{width} \u{d7} {height} pixels")),
-        ("Frames", definition.frames.to_string()),
+        (
+            "Frames",
+            match definition.warm_up {
+                0 => definition.frames.to_string(),
+                warm_up => format!("{}, of which the first {warm_up} are not measured", definition.frames),
+            },
+        ),
         (
             "Seeds",
             if definition.seeds == 0 { "none: neither bias nor variance is measured".to_owned() } else { definition.seeds.to_string() },
@@ -447,7 +456,8 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     facts
 }
 
-/// Returns the measured signals, the one that is shown, and how it is looked at.
+/// Describes the measured signals: their names, the signal that the report shows, the display settings of the lit picture, and the viewing conditions
+/// of the perceived noise.
 fn signals(run: &RunData, table: &Table) -> String {
     let names: Vec<&str> = table.signals.iter().map(|signal| signal.name()).collect();
     let mut text = names.join(", ");

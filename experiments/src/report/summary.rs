@@ -45,7 +45,7 @@ impl Key {
         }
     }
 
-    /// Returns the names and values of the columns, in the order of the file.
+    /// Returns the names and values of the columns, in the order of `metrics.csv`.
     pub(super) fn columns(&self) -> [(&'static str, &str); 9] {
         [
             ("experiment", &self.experiment),
@@ -72,14 +72,14 @@ impl Key {
         self.flavours() == Some(1)
     }
 
-    /// Returns the number of flavours of a variant that is forced in its own pipeline; `None` for `auto`, and for all choices that use the
-    /// generic kernel.
+    /// Returns the number of flavours if the choice forces a variant and uses its specialised pipeline; `None` for `auto`, and for all choices that
+    /// use the generic kernel.
     pub(super) fn flavours(&self) -> Option<usize> {
         self.variant.parse::<Variant>().ok().map(|v| v.flavours().count())
     }
 }
 
-/// The signal of a metric: which rows a report uses, by their column `signal`.
+/// The signal of a metric. It selects the rows that the report uses, by their column `signal`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     /// The metric has no signal; the column is empty.
@@ -97,7 +97,6 @@ pub(super) struct Metric {
     pub(super) name: &'static str,
     /// The value of the column `lag`.
     pub(super) lag: Option<u32>,
-    /// The signal.
     pub(super) of: Of,
     /// The name of the metric in sentences.
     pub(super) words: &'static str,
@@ -178,7 +177,6 @@ pub(super) struct Number {
     /// Degrees of freedom that the standard error should have by the definition of the run. They are used if the row does not give any.
     implied_freedom: f64,
     pub(super) unit: String,
-    /// The frames to which the number applies.
     pub(super) frames: Frames,
 }
 
@@ -297,7 +295,6 @@ pub(super) struct ReferenceFacts {
     pub(super) view: String,
     /// Value of the varied parameter; empty = the reference applies to all values.
     pub(super) setting: String,
-    /// The signal.
     pub(super) signal: Signal,
     /// Samples per pixel.
     pub(super) spp: f64,
@@ -318,7 +315,7 @@ impl ReferenceFacts {
     }
 }
 
-/// The shading time of a choice, divided by that of the base of its view.
+/// The shading time of a choice, divided by that of the base of its view ([`Table::shading_base`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shading {
     pub(super) ratio: f64,
@@ -389,7 +386,7 @@ pub(super) struct Table {
     pub(super) shown: Signal,
     /// Number of frames that are shown per second. The metric `perceived_noise` depends on it.
     pub(super) frames_per_second: f64,
-    /// Whether the sequence is long enough for the metric `perceived_noise` ([`metrics::is_memory_filled`]). If not, no ranking and no sentence uses it.
+    /// Whether the sequence is long enough for the metric `perceived_noise` ([`metrics::Sequence::is_memory_filled`]). If not, no ranking and no sentence uses it.
     pub(super) is_memory_filled: bool,
     /// The metric that is used as the cost of a choice.
     pub(super) cost: Metric,
@@ -403,7 +400,7 @@ struct Slot {
     whole: Option<Number>,
     sum: f64,
     finite: usize,
-    /// The frames that have a row of their own.
+    /// The frames for which there is a row.
     frames: BTreeSet<u32>,
     /// The first row of a single frame.
     single: Option<Number>,
@@ -436,19 +433,20 @@ fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
-/// Returns the degrees of freedom of the standard error of a metric for rows that do not give them, such as `clumping`, and changes in tables of earlier
-/// versions: one less than the number of values from whose scatter the runner computes it, if each frame has a value.
+/// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Such rows are those of `clumping`, and those of
+/// changes in tables of earlier versions. The runner computes the standard error from the scatter of several values. The degrees of freedom are one
+/// less than the number of these values, which is computed here as if each frame had a value.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
-    let frames = definition.frames;
+    let sequence = definition.sequence();
     let values = match metrics::find(metric).map(|metric| metric.needs) {
         // The standard error of a band of a spectrum is derived from theory.
         _ if metric == metrics::POWER => return f64::INFINITY,
-        _ if metric == metrics::PERCEIVED_NOISE => metrics::seen_frames(frames),
+        _ if metric == metrics::PERCEIVED_NOISE => sequence.seen_frames(),
         Some(Needs::Seeds) => definition.seeds,
-        // The standard error of a time is derived from the interval of its median, as if it were certain.
+        // The standard error of a time is derived from the interval of its median, and it is treated as certain.
         Some(Needs::Clock) => return f64::INFINITY,
         _ => {
-            let compared = frames.saturating_sub(lag.unwrap_or(0));
+            let compared = sequence.compared(lag.unwrap_or(0));
             if metrics::RESIDUALS.contains(&metric) { compared.min(metrics::GROUPS) } else { compared }
         }
     };
@@ -553,7 +551,7 @@ impl Table {
             signals,
             shown,
             frames_per_second: run.definition.viewing.frames_per_second,
-            is_memory_filled: metrics::is_memory_filled(run.definition.frames, run.definition.viewing.of_meter().adaptation()),
+            is_memory_filled: run.definition.sequence().is_memory_filled(run.definition.viewing.of_meter().adaptation()),
             cost: if by_tile && measured(TILE_FETCHES) { TILE_FETCHES } else { FETCHES },
             error: if measured(RMSE) || !measured(FLIP) { RMSE } else { FLIP },
             summaries,
@@ -574,7 +572,7 @@ impl Table {
         table
     }
 
-    /// Returns the facts about a reference, for each signal of the run. `resolves`: its rows by temporal resolve.
+    /// Returns the facts about a reference, for each signal of the run. `resolves`: the rows about the reference, by temporal resolve.
     fn facts(&self, (view, setting): &(String, String), resolves: BTreeMap<String, Slots>) -> Vec<ReferenceFacts> {
         let numbers: BTreeMap<String, BTreeMap<Name, f64>> = resolves
             .into_iter()
@@ -631,15 +629,15 @@ impl Table {
         (0..self.summaries.len()).filter(|&i| self.summaries[i].key.view == view).collect()
     }
 
-    /// Returns the index of the choice by whose shading time those of its view are divided; `None` if the files do not contain it. It is the first
-    /// timed choice. Its own ratio is exactly 1, without an error.
+    /// Returns the index of the base of a view: the first timed choice. The shading times of the view are divided by its time, so its ratio is
+    /// exactly 1 and has the standard error 0. `None` if the files do not contain the base.
     pub(super) fn shading_base(&self, view: &str) -> Option<usize> {
         self.of_view(view).into_iter().find(|&i| self.summaries[i].value(SHADING) > 0.0 && self.summaries[i].error(SHADING) == Some(0.0))
     }
 
-    /// Returns the shading time of a choice, divided by that of the base of its view; `None` if there is no ratio. The ratios in the rows are those to
-    /// the first choice with the same value of the varied parameter, so the times themselves are divided if the values differ. No interval is known
-    /// for such a ratio, because the machine may have drifted in between.
+    /// Returns the shading time of a choice, divided by that of the base of its view; `None` if there is no ratio. In the rows, ratios refer to the
+    /// first choice with the same value of the varied parameter. If the base has another value of the parameter, the times themselves are divided.
+    /// Such a ratio has no interval, because the speed of the machine may have changed between the two measurements.
     pub(super) fn shading(&self, index: usize) -> Option<Shading> {
         let summary = &self.summaries[index];
         let own = Shading { ratio: summary.value(SHADING), error: summary.error(SHADING), is_interleaved: true };

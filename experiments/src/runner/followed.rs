@@ -12,14 +12,14 @@ use kernels::temporal::Resolve;
 
 use super::reference::Changes;
 use super::{Labels, Mark};
-use crate::metrics::{self, GROUPS};
+use crate::metrics::{self, GROUPS, Sequence};
 use crate::row::Row;
 use crate::significance::Mean;
 
 /// Sums of one stream over all frames. The values over all frames are computed from these sums.
 pub(super) struct Followed {
     signal: Signal,
-    frames: u32,
+    sequence: Sequence,
     invalid: u64,
     fetches: Moments<f64>,
     rejections: Moments<f64>,
@@ -35,14 +35,14 @@ struct Lag {
     difference: Moments<f64>,
     excess: Moments<f64>,
     disoccluded: Moments<f64>,
-    /// Sums of each group of consecutive frames.
+    /// For each group of consecutive frames: the sums of the comparison with the reference sequence.
     residuals: Vec<Residual>,
 }
 
 /// Computes a metric from the sums of the comparison with the reference sequence; `None` if there is nothing to compare.
 type OfResidual = fn(&Residual) -> Option<f64>;
 
-/// The metrics that follow from these sums.
+/// The metrics that are computed from a [`Residual`].
 const OF_RESIDUAL: [(&str, OfResidual); 4] = [
     (metrics::RESIDUAL, Residual::mean),
     (metrics::RESIDUAL_RMS, Residual::rms),
@@ -57,12 +57,12 @@ fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
 }
 
 impl Followed {
-    /// Returns the sums of a sequence of `frames` frames before its first frame.
-    pub(super) fn new(signal: Signal, frames: u32) -> Followed {
-        let groups = frames.min(GROUPS) as usize;
+    /// Returns the sums of a sequence before its first measured frame.
+    pub(super) fn new(signal: Signal, sequence: Sequence) -> Followed {
+        let groups = sequence.measured().min(GROUPS) as usize;
         Followed {
             signal,
-            frames,
+            sequence,
             invalid: 0,
             fetches: Moments::new(),
             rejections: Moments::new(),
@@ -73,9 +73,10 @@ impl Followed {
         }
     }
 
-    /// The group to which a frame belongs.
+    /// The group to which a measured frame belongs.
     fn group(&self, frame: u32) -> usize {
-        (u64::from(frame) * u64::from(self.frames.min(GROUPS)) / u64::from(self.frames)) as usize
+        let (frames, frame) = (self.sequence.measured(), frame - self.sequence.warm_up);
+        (u64::from(frame) * u64::from(frames.min(GROUPS)) / u64::from(frames)) as usize
     }
 
     /// Adds the sums of a frame, and the frame's rows. `changes`: the changes of the reference sequence, by signal.
@@ -223,8 +224,8 @@ fn mean_of(moments: &Moments<f64>) -> Mean {
 }
 
 /// Returns the value over all groups and its standard error, by the delete-one jackknife over groups (Efron and Tibshirani 1993, *An Introduction to
-/// the Bootstrap*, chapter 11). It has one degree of freedom less than there are groups with pixels. The error is `None` with fewer than two such groups.
-/// Returns `None` if there is no value.
+/// the Bootstrap*, chapter 11). The standard error has one degree of freedom less than there are groups with pixels. It is `None` with fewer than two
+/// such groups. Returns `None` if there is no value.
 fn jackknife(groups: &[Residual], of: OfResidual) -> Option<Mean> {
     let mut all = Residual::default();
     groups.iter().for_each(|group| all.add(group));
@@ -266,9 +267,9 @@ mod tests {
 
     #[test]
     fn frames_fill_the_groups_in_order() {
-        for frames in [1, 2, 19, 20, 21, 400, 100_000] {
-            let followed = Followed::new(Signal::Albedo, frames);
-            let groups: Vec<usize> = (0..frames).map(|frame| followed.group(frame)).collect();
+        for (frames, warm_up) in [(1, 0), (2, 0), (2, 1), (19, 0), (20, 0), (21, 0), (40, 24), (400, 0), (100_000, 7)] {
+            let followed = Followed::new(Signal::Albedo, Sequence { frames, warm_up });
+            let groups: Vec<usize> = (warm_up..frames).map(|frame| followed.group(frame)).collect();
             assert!(groups.is_sorted() && groups[0] == 0, "{frames} frames");
             assert_eq!(groups[groups.len() - 1] + 1, followed.lags[0].residuals.len(), "{frames} frames");
         }

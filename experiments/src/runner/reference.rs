@@ -1,13 +1,14 @@
 //! Renders the converged reference of a view, and the reference sequence, against which each frame is compared.
 //!
-//! The reference sequence consists of 96-fetch pictures with one sample per pixel, along the same path as the pictures under test. There is one for
-//! each temporal resolve: it has the same sample points, and passes through the same resolve. Its pictures are stored for the sweeps of the view.
+//! The reference sequence consists of 96-fetch pictures with one sample per pixel, along the same path as the pictures under test. Each temporal
+//! resolve has its own sequence, which is rendered with the sample points of this resolve and passes through this resolve. The pictures of the
+//! sequences are stored for the sweeps of the view.
 //!
 //! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points
 //! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
-//! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the standard
-//! error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. Without a temporal resolve, no shading is expected to have
-//! a smaller error than that blend.
+//! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the
+//! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. Without a temporal resolve, no shading is expected
+//! to have a smaller error than that blend.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +21,7 @@ use kernels::display::reference::tone_map;
 use kernels::frame::export;
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer};
-use kernels::metrics::{BINS, Track, quantile};
+use kernels::metrics::{BINS, LagSums, Track, quantile};
 use kernels::motion::LAGS;
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
@@ -55,18 +56,18 @@ pub(super) struct Record {
     pub(super) standard_error: BTreeMap<String, f64>,
     /// The reference sequence of each temporal resolve, by name.
     sequences: BTreeMap<String, Sequence>,
-    /// Place of the lit picture of the reference in the file of pictures; `None` = the run does not measure it.
+    /// Byte offset of the lit picture of the reference in the file of pictures; `None` = the run does not measure the lit picture.
     lit: Option<u64>,
 }
 
 /// The reference sequence of one temporal resolve.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Sequence {
-    /// Place of its section in the file of pictures.
+    /// Byte offset, in the file of pictures, of the section that contains this sequence.
     place: u64,
-    /// Number of pictures of each frame in this section.
+    /// Number of pictures of each frame in this section. Resolves with the same sample points share a section.
     pictures: usize,
-    /// Index, among these pictures, of the first picture of this sequence. Its other signals follow.
+    /// Index of the first picture of this sequence among the pictures of a frame. The pictures of the other signals of this sequence follow.
     first: usize,
     /// For each signal, by name: how it changes from frame to frame.
     pub(super) changes: BTreeMap<String, Changes>,
@@ -75,8 +76,8 @@ pub(super) struct Sequence {
 /// How a reference sequence changes from frame to frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Changes {
-    /// For each frame, the mean absolute difference in luminance from each of the four previous frames. `None` if the earlier frame does not exist,
-    /// or if no terrain point is visible in both frames.
+    /// For each frame, the mean absolute difference in luminance from each of the four previous frames. `None` if the frame is not
+    /// measured, if the earlier frame does not exist, or if no terrain point is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
     /// 95th percentile of the difference in luminance from the previous frame, over all frames.
     pub(super) p95: Option<f64>,
@@ -211,8 +212,8 @@ struct Converging {
     albedo: Accumulated,
     /// Linear radiance.
     radiance: Accumulated,
-    /// Display values of the mean radiance of each batch, in their linear form, in which errors are measured. Only their scatter is used: the display
-    /// values of the reference are those of its mean radiance.
+    /// For each batch: the display values of its mean radiance, decoded to linear, as for the measurement of errors. Only the scatter of the batches
+    /// is used, for the standard error. The display values of the reference are computed from the mean radiance over all batches.
     displayed: Accumulated,
     exposure: Exposure,
     terrain: Vec<bool>,
@@ -237,7 +238,8 @@ impl Converging {
                     sum[0][k] += f64::from(texel[k]);
                     sum[1][k] += f64::from(hdr[k]);
                 }
-                // A colour that is not finite would be left out of the mean without a word, so the pixel is not compared.
+                // `Moments::add` replaces numbers that are not finite, so the mean would hide such a colour. The pixel is therefore excluded from all
+                // comparisons.
                 *terrain &= hdr[3] > 0.0 && hdr.iter().chain(texel).all(|value| value.is_finite());
             }
         }
@@ -257,8 +259,8 @@ impl Converging {
     }
 }
 
-/// Returns point `i` of batch `batch`, relative to the centre of the pixel. It is a point of the R2 sequence (Roberts 2018), shifted by a hash of the
-/// batch.
+/// Returns point `i` of batch `batch`, in pixels relative to the centre of the pixel. It is a point of the R2 sequence (Roberts 2018), shifted by a
+/// hash of the batch.
 fn sample_point(batch: u32, i: u32) -> [f64; 2] {
     const G: f64 = 1.324_717_957_244_746;
     let shift = hash::pcg4d([batch, 0, 0, 0x5c1ee]);
@@ -320,7 +322,12 @@ impl Runner<'_> {
                                 pictures::write_links(gpu, &meter, &place, frame, &picture)?;
                             }
                         }
-                        changes[stream].differences.push(sums.lags.map(|lag| (lag.linked > 0).then(|| lag.difference / lag.linked as f64)));
+                        let measured = frame >= definition.warm_up;
+                        let mean = |lag: &LagSums| (measured && lag.linked > 0).then(|| lag.difference / lag.linked as f64);
+                        changes[stream].differences.push(sums.lags.each_ref().map(mean));
+                        if !measured {
+                            continue;
+                        }
                         histograms[stream].iter_mut().zip(&sums.histogram).for_each(|(all, &n)| *all += u64::from(n));
                     }
                 }
@@ -416,7 +423,8 @@ impl Runner<'_> {
                 labels.put_of(&mut rows, "reference", signal, metrics::REFERENCE_SE, last, *error, None)?;
             }
             for (resolve, sequence) in &record.sequences {
-                // The sequence without a resolve describes the reference itself, so its column `temporal` is empty, as in its other rows.
+                // In rows about the reference, the column `temporal` is empty. The sequence without a resolve belongs to the reference itself, so the
+                // column is empty in its rows, too.
                 let temporal = if *resolve == Resolve::Off.to_string() { "" } else { resolve.as_str() };
                 let labels = Labels { temporal, ..labels };
                 if let Some(changes) = sequence.changes.get(signal.name()) {

@@ -53,7 +53,7 @@ impl Runner<'_> {
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
-        // Streams are ordered by signal, and those of one signal by variant.
+        // The streams below are ordered by signal. Streams of the same signal are ordered by variant.
         let signals = definition.measured_signals();
         let reference = match Reference::read(folder, &reference_part, &signals) {
             Ok(reference) => reference,
@@ -65,7 +65,7 @@ impl Runner<'_> {
             }
         };
         let size = definition.size;
-        let frames = definition.frames;
+        let (sequence, frames) = (definition.sequence(), definition.frames);
         let total = u64::from(frames + definition.seeds + 2);
         let mut rows = Vec::new();
         let (estimator, noise, temporal) = (how.estimator.to_string(), how.noise.to_string(), how.resolve.to_string());
@@ -95,7 +95,7 @@ impl Runner<'_> {
             signals.iter().flat_map(|&signal| variants.iter().map(move |_| Track { signal, resolve: how.resolve })).collect();
         let composed: Vec<Option<Variant>> = signals.iter().flat_map(|_| variants.iter().copied()).collect();
         let mut meter = stage.renderer.meter(size, &tracks, Some(definition.viewing.of_meter()))?;
-        let mut followed: Vec<Followed> = tracks.iter().map(|track| Followed::new(track.signal, frames)).collect();
+        let mut followed: Vec<Followed> = tracks.iter().map(|track| Followed::new(track.signal, sequence)).collect();
         let mut truth = reference.sequence(how.resolve)?;
         for frame in 0..frames {
             step(u64::from(frame), total);
@@ -119,10 +119,13 @@ impl Runner<'_> {
                     pictures::write_judges(&sequence, &reference, size, definition.viewing.frames_per_second)?;
                 }
             }
+            if frame < definition.warm_up {
+                continue;
+            }
             for (stream, (sums, followed)) in sums.iter().zip(&mut followed).enumerate() {
                 let (name, _) = &choices[stream % choices.len()];
                 followed.add(&labels, &mut rows, name, frame, sums, &truth.sequence.changes, how.resolve)?;
-                if metrics::is_seen(frame, frames) {
+                if sequence.is_seen(frame) {
                     let remembered = meter.memory(self.gpu, stream)?;
                     followed.see(&labels, &mut rows, name, frame, size, &remembered)?;
                 }
@@ -186,7 +189,7 @@ impl Runner<'_> {
                 let signal = stream.track.signal;
                 let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
                 let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
-                // Without a pixel to compare, there are no errors. The number of invalid pixels says why.
+                // If no pixel can be compared, there are no errors. The metric `invalid_px` shows whether invalid pixels are the reason.
                 let any = mask.contains(&true);
                 Ok(if any { Some(judge::errors(definition.size, &pictures::linear(picture, signal), truth, &mask)?) } else { None })
             })
@@ -376,7 +379,8 @@ impl Runner<'_> {
                 && let Some(mean_square) = errors[i].mean_square()
             {
                 labels.put_mean(rows, name, Signal::Albedo, metrics::BIAS_SQUARED, mark, mean_square)?;
-                // Other estimators are biased by design, so there is nothing to test. Their probabilities would be the smallest, which cost most draws.
+                // Other estimators differ from the exact blend by design, so they are not tested. Their probabilities would also be very small, and a
+                // small probability takes the largest number of draws.
                 if how.estimator.bias().is_none()
                     && labels.definition.measures(metrics::BIAS_SQUARED_P)
                     && let Some(probability) = errors[i].probability()
@@ -384,8 +388,9 @@ impl Runner<'_> {
                     labels.put(rows, name, metrics::BIAS_SQUARED_P, mark, probability, None)?;
                 }
             }
-            // The variance has no standard error: the seeds may be common to all pixels, so neither seeds nor areas tell how far it is from its
-            // expectation. The mean squared error has one, because each picture alone is an estimate.
+            // The variance has no standard error. Different seeds may change the thresholds of all pixels by the same amount. If these amounts are
+            // similar by chance, the variance is too small at every pixel, and neither pixels nor areas show this error. The mean squared error has a
+            // standard error, because each picture alone gives an estimate of it.
             labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
             labels.put_mean(rows, name, Signal::Albedo, metrics::EXACT_MSE, mark, squared_errors[i].mean())?;
             if clumping[i].count > 0 {

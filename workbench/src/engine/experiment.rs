@@ -87,6 +87,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
         moving_views: Vec::new(),
         size: extent.size,
         frames: extent.frames,
+        warm_up: 0,
         seeds: extent.seeds,
         variants: vec![choice],
         estimators: vec![settings.frame.estimator.name().to_owned()],
@@ -312,7 +313,7 @@ impl Run {
         let second = input.try_clone().context("the run's output cannot be followed")?;
         command.stdin(Stdio::null()).stdout(input).stderr(second);
         let child = command.spawn().with_context(|| format!("{} cannot be started", command.get_program().display()))?;
-        // The command holds writing ends of the pipe. As long as one of them is open, a reader of the pipe does not reach the end of the output.
+        // The command still owns writing ends of the pipe. As long as one of them is open, a reader of the pipe does not reach the end of the output.
         drop(command);
         let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
         let own = shared.clone();
@@ -397,7 +398,8 @@ impl Shared {
         wake();
     }
 
-    /// Interrupts the process at the first call and kills it at later calls. While the lock is held, the process id cannot be reused.
+    /// Interrupts the process at the first call and kills it at later calls. While the lock is held, the process id cannot be reused, so no other
+    /// process receives the signal.
     fn cancel(&self) {
         let mut child = lock(&self.child);
         if !matches!(child.try_wait(), Ok(None)) {
