@@ -917,7 +917,7 @@ fn tables_hold_every_number_exactly_and_the_same_bytes() {
     assert!(same(&table.rows, &rows), "rows changed");
     assert_eq!(table.rows[1].value.to_bits(), (-0.0f64).to_bits());
     assert_eq!(table.notes.into_iter().collect::<Vec<_>>(), [("a".to_owned(), "b".to_owned())]);
-    // A table with many rows in one group, and a table without rows.
+    // A table with many rows in one Parquet row group, and a table without rows.
     let many: Vec<Row> = rows.iter().cycle().take(150_000).cloned().collect();
     write(&two, &many, 150_000);
     assert!(same(&read_parquet(&two).unwrap().rows, &many));

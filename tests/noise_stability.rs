@@ -66,7 +66,8 @@ enum Mutant {
     FractSin,
     /// Does not clamp the level that follows from the footprint.
     NotClamped,
-    /// Leaves out a part or all of the correction by the distribution function of the blend.
+    /// Leaves out a part or all of a correction. Hashed noise blends the random numbers of two cell sizes, and applies the distribution function of
+    /// this blend, so that the result is uniform again.
     Correction(Forgotten),
     /// Uses a different seed in each frame.
     Reseeded,

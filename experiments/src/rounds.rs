@@ -186,9 +186,9 @@ pub(crate) struct Timed {
     pub(crate) ms: f64,
 }
 
-/// Draws rounds until the interval of each wanted number is at most [`STABLE`] wide on each side, or the budget is spent. `clock` returns seconds since
-/// any fixed time. `step(done, total)` is called before each picture. `draw` draws a picture and returns the times of its passes. If the first round
-/// has no times, the device cannot measure any, and there is no second round.
+/// Draws at least `plan.least` and at most [`MOST`] timed rounds. In between, it stops when the interval of each wanted number is at most [`STABLE`] wide
+/// on each side, or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called before each picture. `draw`
+/// draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any, and there is no second round.
 ///
 /// # Errors
 /// `draw` fails.

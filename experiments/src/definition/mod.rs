@@ -319,7 +319,7 @@ pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     }
 }
 
-/// Returns the name of a choice as it appears in tables. [`variant_choice`] parses this name.
+/// Returns the name of a choice of variants as it appears in tables. [`variant_choice`] parses this name.
 pub fn variant_name(choice: VariantChoice) -> String {
     match choice {
         VariantChoice::Auto => "auto".to_owned(),

@@ -38,7 +38,8 @@ pub(super) fn header(kicker: &str, heading: &str) -> String {
 }
 
 /// Returns the section with the answer to the run's question, the checks of the run, and remarks. The first line of the answer is emphasised, because
-/// it answers the question; the other lines have the details. The answer, the descriptions of the checks and the remarks are text.
+/// it answers the question; the other lines have the details. The answer, the descriptions of the checks and the remarks are plain
+/// text, which is escaped here.
 pub(super) fn verdict(answer: &str, checks: &[Check], remarks: &[String]) -> String {
     let (first, rest) = answer.split_once('\n').unwrap_or((answer, ""));
     let mut html = format!("<section class=\"verdict\"><p class=\"answer\">{}</p>\n", escape(first));

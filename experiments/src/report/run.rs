@@ -575,7 +575,7 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Selects at most [`CURVES`] of the rows and gives each a colour.
+/// Makes a close-up plot from at most [`CURVES`] of the rows, each with its own colour. `resolved`: whether the rows have a temporal resolve.
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);

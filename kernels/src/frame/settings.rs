@@ -52,7 +52,7 @@ table! {
             GEOMETRY.shown("Stored normals");
         /// Seed of the random numbers.
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
-        /// Give each frame a seed of its own: the seed plus the frame's number.
+        /// Give each frame a different seed: `seed` plus the number of the frame.
         reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed per frame");
         /// Evaluate full splat at two tiling scales and blend both: 96 fetches instead of 48.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");

@@ -282,7 +282,8 @@ return array<f32, 10>(
         let forward = d.direction();
         let right = d.leaning(forward, std::f64::consts::FRAC_PI_2);
         let half = [0; 2].map(|_| d.between(-4.0, 2.0).exp2());
-        // The box lies in front of the camera, within twice its field of view. Its half extents are 2^-12 to 1.4 times its distance.
+        // The centre of the box lies in front of the camera, at most twice as far to the side as the edge of the field of view. The half extents are
+        // 2^-12 to 1.4 times the distance of the centre, so the box may reach behind the camera.
         let distance = near * d.between(0.0, 17.0).exp2();
         let aside = [0; 2].map(|_| d.between(-2.0, 2.0) * distance);
         let extent = [0; 3].map(|_: i32| distance * d.between(-12.0, 0.5).exp2());

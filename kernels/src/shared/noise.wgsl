@@ -22,7 +22,8 @@ fn noise_finest_along(largest: f32) -> i32 {
     return clamp(i32(NOISE_FINEST_AT_1_M) - octave, i32(NOISE_LEVEL_MIN) + 1, i32(NOISE_LEVEL_MAX));
 }
 
-// The finest scale along each axis. East and north depend on the sector's edge and not on the position, so that there is no seam between sectors.
+// The finest scale along each axis. The scales along east and north follow from the width of a sector and not from the position. So they are the same
+// in all sectors, and there is no seam.
 fn noise_finest(sector_m: f32, elevation: f32) -> vec3<i32> {
     let across = noise_finest_along(usable_positive_1(sector_m, 1e12));
     return vec3<i32>(across, across, noise_finest_along(usable_1(elevation)));

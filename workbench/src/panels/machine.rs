@@ -191,7 +191,7 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
         let slider = Slider::new(span_m, NARROWEST_M..=widest_m).logarithmic(true).clamping(egui::SliderClamping::Always);
         ui.add(slider.suffix(" m").max_decimals(0))
             .labelled_by(label.id)
-            .on_hover_text("Length of an edge of the map. The wheel, or a drag up or down, over the map changes it.");
+            .on_hover_text("Length of ground along an edge of the map. To change it, turn the wheel or drag up or down over the map.");
     });
     let edge = ui.available_width().clamp(MAP_POINTS[0], MAP_POINTS[1]);
     let (response, painter) = ui.allocate_painter(vec2(edge, edge), Sense::drag());

@@ -55,7 +55,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         }
         if ui
             .add_enabled(region.is_some(), egui::Button::new("Whole picture"))
-            .on_hover_text("Measures the whole picture again. Ctrl and a drag select a rectangle.")
+            .on_hover_text("Removes the rectangle, so that the whole picture is measured. To select a rectangle, hold Ctrl and drag in the picture.")
             .clicked()
         {
             *region = None;

@@ -15,9 +15,9 @@ use crate::shared::real::{length, normalize};
 
 /// Share of texels that must have a property before it counts as a property of the map. The rest may be noise of a lossy compression.
 const NEARLY_ALL: f64 = 0.999;
-/// Largest difference of red, green and blue in a map with one value per texel.
+/// A map with one value per texel may be stored as RGB. This is the largest difference between its channels that is accepted.
 const GREY: f32 = 8.0 / 255.0;
-/// Largest difference of red, green and blue that are copies of each other.
+/// Largest difference between channels that count as equal, in the test whether a normal map is in fact a grey image.
 const EQUAL: f32 = 2.5 / 255.0;
 /// If the z of a normal differs from a constant by at most this number, the difference counts as noise.
 const CONSTANT_Z: f32 = 0.12;
