@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes a Python environment: `scripts/environment.sh NAME FOLDER LIST`. NAME begins each message. The packages of LIST are installed in FOLDER. If
-# FOLDER exists and LIST has not changed, nothing is done.
+# FOLDER exists and LIST has not changed, they are not installed again.
 set -euo pipefail
 name="$1" venv="$2" list="$3"
 

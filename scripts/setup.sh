@@ -49,8 +49,8 @@ driver_manifests() {
 }
 has_driver() { [ -n "$(driver_manifests)" ]; }
 
-# Returns success if there is a Vulkan loader, which reads the manifests of drivers. If LD_LIBRARY_PATH is set, a loader is assumed to be in one of
-# its folders.
+# Returns success if there is a Vulkan loader, which reads the manifests of drivers. A loader is also assumed to exist if ldconfig is missing, or if
+# LD_LIBRARY_PATH is set, because the loader may be in one of its folders.
 has_loader() {
     local ldconfig
     ldconfig="$(command -v ldconfig || echo /sbin/ldconfig)"

@@ -38,8 +38,8 @@ case "$1" in
     *) echo "installed $(cat "$TEST_ROOT/installed")" ;;
 esac
 END
-# The stand-in offers a Mesa from the backports if a source names the backports and the lists have been fetched. TEST_BROKEN names the step that
-# fails.
+# The stand-ins of apt-cache and apt-get offer a Mesa from the backports if a source names the backports and the lists have been fetched. TEST_BROKEN
+# names the step that fails.
 stand_in apt-cache <<'END'
 #!/bin/sh
 [ ! -e "$TEST_ROOT/lists" ] || echo " mesa-vulkan-drivers | $TEST_NEW | http://mirror.test/debian bookworm-backports/main amd64 Packages"

@@ -74,8 +74,9 @@ impl Case {
         rows
     }
 
-    /// Compares results with the truth. Returns the largest error, as a share of its tolerance, and the number of rows whose result belongs to the
-    /// other side of a threshold; or an error message that describes the first difference.
+    /// Compares results with the truth, which is the reference in f64. Returns the largest error, as a share of its tolerance, and the number of rows
+    /// whose result belongs to the other side of a threshold. An error message says that results differ by more than their tolerance, or that the
+    /// number of rows exceeds its limit.
     fn compare(&self, rows: &[f64], got: &[f64]) -> Result<(f64, usize), String> {
         let probe = self.probe();
         let (columns, results) = (probe.inputs.len(), probe.outputs.len());
@@ -207,8 +208,8 @@ const CASES: &[Case] = &[
             for kind in [0.0, 1.0] {
                 for sector in [[0.0, 0.0], [16_777_216.0, -16_777_216.0]] {
                     for position in [[0.0, 0.0, 0.0], [31.999_998, 1e-3, 8848.0], [0.0, 0.0, -1e9], [1e20, -1e20, 9e29]] {
-                        // Footprints of a pixel, m: zero, below and above the range of noise scales, and powers of two, for which the level of the
-                        // noise (log2 of cells per metre) is a whole number.
+                        // Footprints of a pixel, m: zero; below and above the range of noise scales; powers of two, for which the level of the noise
+                        // (log2 of cells per metre) is a whole number; and one other.
                         for [x, y] in [[0.0, 0.0], [1e-9, 1e-9], [1e9, 1e12], [0.25, 0.125], [1.0, 1.0], [32.0, 4.0], [0.03, 3.0]] {
                             for seed in [0.0, 4_294_967_295.0] {
                                 let row = [&[kind][..], &sector, &position, &[32.0, x, 0.0, 0.0, 0.0, y, 0.0, 1.0, seed, seed]];
@@ -234,9 +235,9 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows of anisotropic noise in which the level of an axis (log2 of cells per metre) is so close to a whole number that its error,
-        // which is below 1e-5, decides which cell is hashed. Half of the 4096 random rows are anisotropic, with three levels each, so about 0.1 such
-        // rows are expected.
+        // Limit for rows of anisotropic noise in which the level of an axis (log2 of cells per metre) is so close to a whole number that the rounding
+        // error of the level, which is below 1e-5, decides which cell is hashed. Half of the 4096 random rows are anisotropic, with three levels
+        // each, so about 0.1 such rows are expected.
         other_side_at_most: 4,
         mutants: &[
             // In this order: the blend of two scales is not transformed back to a uniform distribution; the coarse scale is blended with itself; the
@@ -706,10 +707,11 @@ const CASES: &[Case] = &[
             );
             rows
         },
-        // Limit for two kinds of rows. In the first, an edge of the box lies so close to a border between two pixels that the margin of the test
-        // moves it to the next pixel. The margin of each of the four edges is about 2^-20 times the size of the picture, which is up to 4096 pixels.
-        // In the second, the box is only slightly nearer or farther than the stored depth. In half of the random rows, the relative difference of
-        // these depths is 2^-24 to 2^-1, with equally many rows in each octave, and a part of these differences is below the margin of the depth.
+        // Limit for two kinds of rows. In the first, a side of the rectangle that the box covers in the picture lies so close to a border between two
+        // pixels that the margin of the test moves it to the next pixel. The margin of each of the four sides is about 2^-20 times the size of the
+        // picture, which is up to 4096 pixels. In the second, the box is only slightly nearer or farther than the stored depth. In half of the random
+        // rows, the relative difference of these depths is 2^-24 to 2^-1, with equally many rows in each octave, and a part of these differences is
+        // below the margin of the depth.
         other_side_at_most: 1500,
         mutants: &[
             // In this order: one corner of the box is left out; some corners are used twice; the image is upside down; the first column and row have

@@ -756,7 +756,7 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
     has(&said, &["rows run from south to north in the file; turned", "nothing is written"]);
     let without_out = success(&["import", &path("07-south-up/south_up.tif"), "--dry-run"]);
     assert_eq!(said, without_out);
-    // The smallest map is a scene, too.
+    // The smallest possible map, with 2 x 2 samples, is also imported as a scene.
     has(&success(&strs(&call("16-sizes/2x2.tif", &[], "smallest"))), &["2 x 2 samples"]);
     let cases: [(&str, &[&str], &[&str]); 6] = [
         ("05-internal-mask/masked.tif", &[], &["20 that its mask hides"]),
@@ -780,7 +780,7 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
     assert_eq!(left, ["holes", "scaled", "smallest"], "nothing is half-written");
 }
 
-/// A place in a world, metres from its centre, and the right height there.
+/// A place, metres east and north of the centre of a world, and the right height there, metres.
 type Place = ([f64; 2], f64);
 
 /// The ground of most cases, which GDAL and OpenEXR wrote from one array of 65 x 49 samples: the corners, the centre, and a place near the
@@ -918,7 +918,7 @@ fn check_world(world: &World, of: &Imported) {
             mirrored = mirrored.max((world.height_m(-x, y) - right).abs());
             turned = turned.max((world.height_m(x, -y) - right).abs());
         } else {
-            // A gap is filled from its rim, and the ground is open there only on request.
+            // Samples without data are filled from the samples around them. The ground has a hole there only if the option `--holes` is given.
             assert!((299.0..901.0).contains(&found), "{file}: {found} m in the gap");
             assert_eq!(world.is_hole(x, y), opens, "{file}: sample {column}, {row}");
             filled += 1;

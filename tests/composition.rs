@@ -361,8 +361,8 @@ fn streams_are_composed_together_from_weights_of_their_own() {
                 fetches += picture.values("fetches").expect("requested")[one.index] as u32;
                 modulated += u32::from(flavour != Flavour::VirtualTexture) * stream.modulated;
             }
-            // If the stream is modulated, each of its flavours except the virtual texture has counted the fetch of colour modulation. The composed
-            // signal counts this fetch once.
+            // If the colour of the stream is modulated, each flavour of the stream except the virtual texture has counted the fetch of colour
+            // modulation. The composed signal counts this fetch once.
             let fetches = fetches - modulated.saturating_sub(1);
             let found = composed[one.index];
             let colour = signal::colour(found);

@@ -97,8 +97,8 @@ fn shown(texels: &[[f32; 4]], exposure: Exposure) -> Vec<[u8; 4]> {
 
 #[test]
 fn any_radiance_is_displayed_as_the_reference_says() {
-    // The texels have radiances from far below the linear part of sRGB to far above white, in 24 steps per octave and in three ratios of the
-    // channels. Further texels have channels that are zero, negative, NaN or infinite.
+    // The texels have radiances from 2^-14, which is in the linear part of the sRGB curve, to 2^6, which is far above white, in 24 steps per octave
+    // and in three ratios of the channels. Further texels have channels that are zero, negative, NaN or infinite.
     let ramp = (-14 * 24..6 * 24).map(|step| (f64::from(step) / 24.0).exp2() as f32);
     let mut texels: Vec<[f32; 4]> = ramp.flat_map(|v| [[v, v, v, 1.0], [v, 0.3 * v, 0.0, 0.0], [0.1 * v, 0.5 * v, 2.0 * v, 0.5]]).collect();
     texels.extend([[0.0, 0.0, 0.0, 0.25], [-1.0, -1.0, -1.0, 1.0], [-0.5, 0.2, 4.0, 1.0], [-9.0, 1.0, 0.5, 1.0], [1e-30, 1e-38, 0.0, 1.0]]);

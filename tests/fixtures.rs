@@ -116,8 +116,8 @@ pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
 }
 
-/// Path of the program, which is built into the folder above this test's own binary. Panics if the program is missing or older than its sources,
-/// because a test of a stale program would prove nothing.
+/// Path of the program `experiments`, which is in the folder above the folder of this test binary. Panics if the program is missing or older than its
+/// sources, because a test of a stale program would prove nothing.
 pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {

@@ -200,7 +200,7 @@ fn the_ground_of_a_heightmap_is_drawn_to_the_edge_of_its_data() {
         }
     }
 
-    // Normals and triangles in the strip between the last vertices and the edge, 2 m wide.
+    // Checks the normals and triangles in the strip between the last vertices and the edge of the data. The strip is 2 m wide.
     let request = from_above(&world, data.x, 0.3 * data.y);
     let picture = renderer.render(&request).expect("renders");
     let (position, normal) = (picture.vectors("position").expect("requested"), picture.vectors("normal").expect("requested"));

@@ -67,8 +67,9 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // The encoding with 2 x 8 bits changes a normal by at most 1 degree; the test accepts 2 degrees. The more obliquely a plane is seen, the
-            // more an error of its normal changes the derivatives. Here, the cosine is above 0.3, so the factor is at most about 3.
+            // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. The more obliquely a plane is seen,
+            // the more an error of its normal changes the derivatives. Here, the cosine between the view direction and the normal is above 0.3, so
+            // obliqueness increases the change by a factor of at most about 3.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
@@ -195,13 +196,13 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
         // The more obliquely a plane is seen, the more an error of its normal changes the derivatives. If the view direction is within 60 degrees of
-        // the normal, the factor is at most 2.
+        // the normal, obliqueness increases the change by a factor of at most 2.
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
     errors.sort_by(f64::total_cmp);
-    // The encoding of normals with 2 x 8 bits gives derivatives an error of half a percent. If elevations above sea level were stored in f32, which
+    // The encoding of normals with 8 + 8 bits gives derivatives an error of half a percent. If elevations above sea level were stored in f32, which
     // has steps of 0.1 mm at 1400 m, the error would be 2 percent.
     let median = errors[errors.len() / 2];
     assert!(errors.len() > 30 && median < 0.008, "median {median} of {}", errors.len());

@@ -312,7 +312,7 @@ fn constants_that_the_host_hands_over_arrive() {
     for (module, name, host) in expected {
         assert_eq!(module.get(name), Some(&host), "{name}");
     }
-    // A slot must fit into its bits of the sector data, and a layer into its bits of the page table.
+    // A slot must fit into its bits of the sector data, and the array layer of a cached page into its bits of the page table.
     const { assert!(residency::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
     // No shader repeats a constant that the host passes to a different shader: each name is declared only once in all files.
     let mut declared = std::collections::BTreeMap::new();

@@ -19,7 +19,7 @@ use crate::fixtures::gpu;
 const SIZE: [u32; 2] = [96, 64];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// Returns a random number, uniform in (0, 1). Each `stream` gives other numbers for the same pixels and frames.
+/// Returns a random number, uniform in (0, 1). `stream` selects one of many independent sets of numbers for the same pixels and frames.
 fn uniform(pixel: usize, frame: u32, stream: u32) -> f64 {
     let h = hash::pcg4d([u32::try_from(pixel).expect("small"), frame, stream, 77])[0];
     (f64::from(h) + 0.5) / 4_294_967_296.0
@@ -302,7 +302,8 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
         for (found, expected) in sums(found).into_iter().zip(sums(expected)) {
             assert!((found - expected).abs() <= tolerance(expected), "frame {index}, lag {}: {found} and not {expected}", lag + 1);
         }
-        // The products have both signs, so their sum may be small. Its rounding error is relative to the sums of the squares.
+        // `product` sums the products of the two changes (of the picture and of the reference), which have both signs, so it may be small. Its
+        // rounding error is relative to the sums of the squares.
         let (found, expected) = (found.residual, expected.residual);
         let scale = expected.change_square + expected.reference_square;
         assert!((found.product - expected.product).abs() <= tolerance(scale), "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);

@@ -203,8 +203,8 @@ fn frames_follow_each_other_as_each_kind_promises() {
 
 // ---------------------------------------------------------------- space
 
-/// Power spectrum of a picture as large as a mask, averaged over directions. Entry i is the mean power at i + 1 cycles per edge. The power is divided
-/// by the variance of the picture, so white noise has a power of 1.
+/// Power spectrum of a picture as large as a mask, averaged over directions. Entry i is the mean power at i + 1 cycles per side of the picture. The
+/// power is divided by the variance of the picture, so white noise has a power of 1.
 fn radial_power(values: &[f64]) -> Vec<f64> {
     let n = EDGE as usize;
     let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -415,8 +415,8 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
         };
         f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
     };
-    // A cell has at least 16 steps, so a step crosses a border of the finer of two scales with a probability of at most 1/16, and a border of the
-    // coarser one with at most 1/32. The standard error of the share is at most 0.5 %.
+    // A cell is at least 16 steps of f32 wide, so moving a coordinate by one step crosses a border of the finer of two scales with a probability of
+    // at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %.
     let most = 3.0 / 32.0 + 0.025;
     let mut checked = 0;
     for kind in GROUND {
@@ -512,7 +512,8 @@ fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
     };
     for kind in GROUND {
         for ground_m in [0.0, 0.3, 61.3, 700.0, 700.123, 2000.0, 8848.1] {
-            // Seen from 500 m above, the rounding error of a point's elevation is that of the eye's elevation, at any elevation of the ground.
+            // The position of a point is computed from that of the eye. So from 500 m above, the rounding error of the point's elevation is as large
+            // as that of the eye's elevation, even if the elevation of the ground is near 0.
             for height_m in [1.7, 30.0, 500.0] {
                 let share = flips(kind, ground_m, height_m, 0.01, [8; 2]);
                 // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the thresholds of the hashed kinds change by up to 1 %.

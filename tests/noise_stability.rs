@@ -73,7 +73,8 @@ enum Mutant {
     Reseeded,
 }
 
-/// The part of the correction that a mutant leaves out. l is the blend factor, and a = min(l, 1 - l).
+/// The part of the correction that a mutant leaves out. The correction is the distribution function of the blend. It has three cases for its argument
+/// x: a middle case (a <= x <= 1 - a) and two outer cases. l is the blend factor, and a = min(l, 1 - l).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Forgotten {
     All,

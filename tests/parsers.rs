@@ -43,7 +43,7 @@ const NUMBERS: [&str; 16] = [
 /// Text that strings and names in a damaged file may contain: line breaks, NUL, an escape sequence of a terminal, a mark of text direction, quotes.
 const PIECES: [&str; 12] = ["\\n", "\\r\\n", "\\u0000", "\\u001b[2J", "\\u0085", "\\u2028", "\u{2028}", "\u{202e}", "\t", "é", "\\", "\""];
 
-/// A file of the corpus.
+/// A file of the corpus (`fuzz/corpus`), from which mutants are made.
 struct Seed {
     name: String,
     bytes: Vec<u8>,

@@ -805,8 +805,8 @@ fn layout() -> BoxedStrategy<Layout> {
         .boxed()
 }
 
-/// Arbitrary settings. Only what the workbench saves is arbitrary: numbers of the scene that it shows, its settings of the frame, and its
-/// own settings.
+/// Arbitrary settings. Only what the workbench saves is arbitrary: the numbers of the scene that the workbench shows, the settings of the
+/// frame, and the settings that only the workbench has.
 fn settings() -> BoxedStrategy<Settings> {
     let of_frame: Vec<BoxedStrategy<Value>> = frame_settings().map(|setting| accepted(setting.kind)).collect();
     let own: Vec<BoxedStrategy<Value>> = OWN.iter().map(|setting| accepted(setting.kind)).collect();

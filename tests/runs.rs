@@ -111,8 +111,8 @@ fn run_whole(folder: &Folder) -> Whole {
     Whole { tables, rows: run.rows, took }
 }
 
-/// The first two of three frames warm up. The rows of the third frame are those of a run in which all frames are measured, and the values over all
-/// frames are those of the third frame.
+/// The first two of three frames only warm up, so the third frame alone is measured. Its rows must equal those of a run in which all frames are
+/// measured. The values over all frames must equal the values of the third frame.
 #[test]
 fn frames_that_warm_up_are_drawn_but_not_measured() {
     let folder = Folder::new("warm-up");

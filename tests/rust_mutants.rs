@@ -314,7 +314,7 @@ fn has_unit_tests(place: &Path) -> Result<bool> {
     Ok(place.extension().is_some_and(|extension| extension == "rs") && fs::read_to_string(place)?.contains("#[cfg(test)]"))
 }
 
-/// Makes `to` a copy of the file or folder `from`. A file that is already equal keeps its time, so that cargo does not compile it again.
+/// Makes `to` a copy of the file or folder `from`. A file that is already equal keeps its modification time, so that cargo does not compile it again.
 fn mirror(from: &Path, to: &Path) -> Result<()> {
     if !from.is_dir() {
         let bytes = fs::read(from)?;

@@ -109,8 +109,8 @@ fn fine_renderer() -> MutexGuard<'static, Renderer<'static>> {
     static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
     let make = || {
         let mut scene = Scene { detail_size: 256, ..small_scene() };
-        // Steep bumps reveal errors in the conversion of a gradient to a normal. A small gradient is nearly equal to the x and y of its normal, so it
-        // would hide them.
+        // Steep bumps reveal errors in the conversion of a gradient to a normal. A small gradient is nearly equal to the x and y of its normal, so
+        // such errors would have almost no effect.
         scene.materials.iter_mut().for_each(|material| material.normal_strength *= 4.0);
         Mutex::new(Renderer::new(gpu(), &scene, &|_| {}).expect("the scene renders"))
     };

@@ -14,9 +14,10 @@ const GRID: [usize; 2] = [30, 17];
 const SEEDS: usize = 4;
 /// Number of rows of a run: six noises x three views x two flavours (near cliff and far cliff).
 const ROWS: u64 = 36;
-/// Share of the number of a neighbouring area that is added to the number of an area. The noises are, in this order: `hashed`, `hashed-anisotropic`,
-/// `white`, `world`, `ign`, `blue`. The shares imitate simulated pictures of ground and cliffs. There, the variance of the picture's sum was 0.95 to
-/// 1.24 times the sum of the areas' variances. The ratio was largest for `world` cells near the camera, and only 0.5 to 0.75 for `ign` and `blue`.
+/// Share of the sum of the area to the left, and of the area above, that is added to the sum of an area, so that neighbouring areas are correlated.
+/// The noises are, in this order: `hashed`, `hashed-anisotropic`, `white`, `world`, `ign`, `blue`. The shares are chosen to give correlations like
+/// those in simulated pictures of ground and cliffs. In these pictures, the variance of the picture's sum was 0.5 to 0.75 times the sum of the areas'
+/// variances for `ign` and `blue`, and 0.95 to 1.24 times that sum for the other noises. The ratio was largest for `world` cells near the camera.
 const NEIGHBOURS: [f64; 6] = [1.0 / 64.0, 1.0 / 128.0, 0.0, 1.0 / 16.0, -1.0 / 12.0, -1.0 / 16.0];
 
 /// The sums of a row: a list of areas for each seed.

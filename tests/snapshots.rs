@@ -2,7 +2,8 @@
 //! control that is cut off.
 //!
 //! `SCREE_RECORD=1 cargo test --release --test scree snapshots` replaces the pictures in `tests/snapshots`. Look at them, and commit those whose
-//! change is intended. The panels *Frame* and *Machine* are left out, because they show times. Other tests check the picture of the terrain.
+//! change is intended. The panels *Frame* and *Machine* are left out: *Frame* shows times, and some counts in *Machine* depend on what earlier tests
+//! loaded. Other tests check the picture of the terrain.
 
 use std::path::{Path, PathBuf};
 

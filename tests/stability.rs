@@ -45,8 +45,8 @@ fn kernels_hold_at_their_extremes_as_recorded() {
             continue;
         };
         compared += 1;
-        // The table was recorded with all rows of each case. This test measures only the first of these rows, so its largest error cannot exceed the
-        // recorded one. The tolerance of 1 % covers the rounding of recorded numbers to three digits.
+        // The table was recorded with all rows of each case. This test measures only the first sixteenth of these rows (`SHARE`), so its largest
+        // error cannot exceed the recorded one. The tolerance of 1 % covers the rounding of recorded numbers to three digits.
         assert!(finding.worst <= before.worst * 1.01 + 1e-12, "the error is larger than the recorded one ({}): {finding:?}", before.worst);
     }
     assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());

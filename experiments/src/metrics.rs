@@ -43,9 +43,9 @@ pub enum Signals {
 pub const SMALLEST_SIDE: u32 = 64;
 /// Largest lag. A lag is the number of frames between the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
-/// Limit of the number of groups of consecutive frames into which a sequence is divided. The standard errors of the metrics in [`RESIDUALS`] over all
-/// frames are computed from the scatter of these groups. Neighbouring frames are correlated, so single frames would give a smaller standard error
-/// than groups of several frames.
+/// Limit of the number of groups of consecutive frames into which the measured frames of a sequence are divided. For [`RESIDUAL`], [`RESIDUAL_RMS`],
+/// [`ADDED`] and [`LOST`], the standard errors of values over all frames are computed from the scatter of these groups. Neighbouring frames are
+/// correlated, so single frames would give a smaller standard error than groups of several frames.
 pub const GROUPS: u32 = 20;
 
 /// Limit of the number of frames whose perceived noise is measured. Filtering a frame in space takes longer than all its other measurements.
@@ -74,9 +74,9 @@ impl Sequence {
         self.frames.saturating_sub(self.warm_up.max(lag))
     }
 
-    /// Whether the perceived noise of a frame is measured: the last frame, and up to three before it at even distances. All of them are measured
-    /// frames in the second half of the sequence. In the first half, the memory of the eye, which is an exponential mean of the error over time, is
-    /// not filled yet.
+    /// Whether the perceived noise of a frame is measured. This is so for the last frame, and for up to three frames before it at equal distances.
+    /// All of them are measured frames in the second half of the sequence. In the first half, the memory of the eye, which is an exponential mean of
+    /// the error over time, is not filled yet.
     pub fn is_seen(self, frame: u32) -> bool {
         let (last, step) = (self.frames.saturating_sub(1), self.seen_step());
         frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
@@ -241,7 +241,7 @@ metrics! {
         "Device time of a pass, divided by that of the first variant with the first estimator and noise, which is drawn in the same rounds.";
 }
 
-/// The metrics that compare each frame with the same frame of the reference sequence.
+/// The metrics that compare each frame with the same frame of the reference sequence, point by point.
 pub const RESIDUALS: [&str; 6] = [RESIDUAL, RESIDUAL_P95, RESIDUAL_RMS, ADDED, LOST, PERCEIVED_NOISE];
 
 /// The metrics that compare a picture with the converged reference.
@@ -379,8 +379,8 @@ mod tests {
             (1..=n).fold(0.0_f64, step).sqrt()
         };
         let last = |a: f64| (a / (2.0 - a)).sqrt();
-        // If the memory is filled, its root mean square is larger than the limit for many frames by less than a fifth. In a sequence of 5 frames, the
-        // mean over the measured frames is larger by 76 %.
+        // After many frames, the root mean square of the memory approaches the value that `last` returns. If the memory is filled, the root mean
+        // square exceeds this value by less than a fifth. In a sequence of 5 frames, its mean over the measured frames exceeds the value by 76 %.
         for a in [24.0, 30.0, 60.0, 120.0].map(adaptation) {
             let filled = (FILLED / a).ceil() as u32;
             assert!(root(a, filled) < 1.2 * last(a) && root(a, filled / 3) > 1.2 * last(a), "{a}");

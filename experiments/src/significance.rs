@@ -30,9 +30,10 @@ const ENOUGH: u32 = 10;
 /// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and each
 /// word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
 const LANES: usize = 12;
-/// Selects the random signs among all uses of the hash.
+/// Salt of the hash that gives the random signs. It makes the signs independent of other uses of the hash.
 const SIGNS: u32 = 0x5167_0005;
-/// Student's t distribution with more degrees of freedom than this differs from the normal distribution by less than 1e-5.
+/// A larger number of degrees of freedom is replaced by this one. With so many degrees of freedom, Student's t distribution differs from the normal
+/// distribution by less than 1e-5.
 const MOST_FREEDOM: f64 = 1e6;
 
 /// Returns the level that each of `tests` tests must have so that all tests together have the level [`LEVEL`] (Šidák). The result is exact for
@@ -109,7 +110,7 @@ pub struct Areas {
     columns: usize,
     /// The areas of each grid, row by row; the finest grid is the first.
     grids: [Vec<Area>; GRIDS],
-    /// For each area of the finest grid: the sums of the seeds, distributed over the groups in turn.
+    /// For each area of the finest grid: [`GROUPS`] sums. The sum of each seed is added to one of them, in turn.
     groups: Vec<[f64; GROUPS]>,
     seeds: u32,
 }

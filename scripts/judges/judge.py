@@ -39,15 +39,17 @@ UNSEEN = 0.25
 
 # ---- The fit. ----
 
-# Deviations of the Gaussians, degrees, and time constants, seconds. Both have steps of a factor of sqrt(2). Two steps are a factor of 2, so a new
-# frame has the same share for a time constant at 30 frames per second as for half this time constant at 60.
+# The constants that the fit tries for perceived noise: standard deviations of its Gaussians, degrees, and time constants of its mean over time,
+# seconds. Both have steps of a factor of sqrt(2). Two steps are a factor of 2, so a new frame has the same share for a time constant at 30 frames per
+# second as for half this time constant at 60.
 DEVIATIONS_DEG = [0.005 * 2 ** (k / 2) for k in range(14)]
 TIMES_S = [0.0125 * 2 ** (k / 2) for k in range(11)]
 # Where the eye looks: along the exact motion of the surface, or at one point of the screen.
 GAZES = ["along motion", "fixed"]
 BOOTSTRAPS = 2000
 GOAL = 0.9
-# Largest relative difference between the model and the metric, besides what the rounding of frames to 8 bits can explain.
+# Largest relative difference between perceived noise by the model in perceived.py and by the metric itself, besides what the rounding of frames to
+# 8 bits can explain.
 TOLERANCE = 0.02
 # Metrics that are compared with the judge besides perceived noise: at the last frame, or over all frames at a lag of 1.
 OTHERS = ["flip", "rmse", "difference", "excess_difference", "residual", "residual_p95", "residual_rms", "added", "lost"]
@@ -216,7 +218,7 @@ def look(task):
     errors = (perceived.luma(test) - perceived.luma(truth)).reshape(count, -1)
     for fps in rates:
         result[f"model-{fps}"] = KEPT["model"].noise(errors, linked, seen, fps)
-    # Every second of the frames `seen`, counted from the last, is enough for the fit.
+    # The fit needs only every other frame of `seen`, counted from the last.
     for gaze, of_gaze in gazes(linked).items():
         result[f"products-{gaze}"] = KEPT["model"].products(errors, of_gaze, seen[::-2], shares_of(rates))
     part = kept.with_name(kept.name + ".tmp.npz")

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import scipy.fft
 
-# Values of a file of links; see `write_links` in experiments/src/runner/pictures.rs.
+# The number of a pixel without terrain in a file of links; see `write_links` in experiments/src/runner/pictures.rs. The only larger number marks a
+# pixel of terrain without a link.
 NO_TERRAIN = 2**32 - 2
 
 ROOT = Path(__file__).resolve().parents[2]

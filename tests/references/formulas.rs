@@ -150,7 +150,7 @@ fn levels_and_texels_are_chosen_by_the_fraction() {
 #[test]
 fn a_term_without_weight_leaves_a_run_as_it_is() {
     let run = Run::start().add(0.25, 0.5, 8.0).add(0.5, 0.9, 8.0);
-    // The second term is larger than the first. So the first term is scaled by `keep`, its quotient by the second term.
+    // The second term is larger than the first. So `keep`, the factor on the first term, is the first term divided by the second.
     assert!((run.keep - 0.5 * (8.0 * (0.5 - 0.9_f64)).exp2()).abs() < 1e-15 && run.share == 1.0, "{run:?}");
     let after = run.add(0.0, 1.0, 8.0);
     assert_eq!([after.keep, after.share], [1.0, 0.0]);
@@ -227,7 +227,7 @@ fn hashed_noise_blends_the_two_cells_of_the_paper() {
         assert!(largest_difference(found.thresholds(), blended.map(|x| noise::correct(x, share))) < 1e-9);
 
         // The anisotropic kind: the diagonal of a cell spans the pixel, and each axis has its own scale (Wyman & McGuire 2017, listing 3). The width
-        // of a cell along an axis is at least a sixteenth of its largest width.
+        // that is used along an axis is at least a sixteenth of the largest of the three widths.
         let widths: [f64; 3] = std::array::from_fn(|i| 2.0_f64.sqrt() * point.hash_scale * point.ddx[i].abs().max(point.ddy[i].abs()));
         let least = widths.iter().fold(0.0, |a: f64, b| a.max(*b)) / 16.0;
         let axes: [(i32, f64); 3] = std::array::from_fn(|i| scales(widths[i].max(least), along[i]));

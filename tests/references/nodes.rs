@@ -37,8 +37,8 @@ fn sees(view: &View, low: DVec3, high: DVec3) -> bool {
 
 // ---------------------------------------------------------------- selection
 
-/// Selects nodes recursively, as the definition says. Adds the node and all visited nodes below it to `found[0]`, and the drawn nodes to `found[1]`.
-/// `ratio`: a node is split if its distance is less than `ratio` times its edge.
+/// Selects the nodes that [`quadtree::select`] should select, recursively. Adds the node and all visited nodes below it to `found[0]`, and the drawn
+/// nodes to `found[1]`. `ratio`: a node is split if its distance is less than `ratio` times its edge.
 fn descend(world: &World, view: &View, ratio: f64, node: NodeId, found: &mut [BTreeSet<NodeId>; 2]) {
     let layout = world.layout();
     let edge = layout.node_m(node.lod);
@@ -308,7 +308,8 @@ fn refined_blocks_are_nearer_to_their_texels() {
         if fast != refined {
             improved += 1;
             assert!(new <= least_error(after, &colours) * (1.0 + 1e-4), "each texel has its nearest colour");
-            // The encoder accepts new end points only if they reduce the error. So the error after its first round is an upper bound.
+            // The encoder solves for the end points up to twice, and accepts new end points only if they reduce the error. So the error after the
+            // first solution is an upper bound.
             if let Some(bound) = solved_error(&fast, &colours) {
                 solved += usize::from(new <= bound * (1.0 + 1e-4));
             }
@@ -316,7 +317,7 @@ fn refined_blocks_are_nearer_to_their_texels() {
             solved += usize::from(solved_error(&fast, &colours).is_none_or(|bound| bound >= old * (1.0 - 1e-4)));
         }
     }
-    // Where the solution lies between two codes, f32 and f64 may round it differently.
+    // Where the solution lies between two codes, f32 and f64 may round it differently. So a fiftieth of the blocks may be exceptions.
     assert!(
         four > 100 && improved * 4 > four && solved + four / 50 >= four,
         "{four} blocks, {improved} improved, {solved} as good as solved"

@@ -248,8 +248,8 @@ fn changes_are_compared_with_those_of_the_reference_sequence() {
         assert!((found - expected).abs() < 1e-14, "{residual:?}");
     }
     // A pixel remembers the mean of its errors and the number of frames. The new error is 1/8 for pixel 0. This is its second frame, so the error has
-    // the weight 1/2, which exceeds the adaptation of 1/4. The error is -1/4 for pixel 1, with the weight 1/4. Pixel 2 has no reference. Pixel 3 has
-    // no link, so its mean begins again.
+    // the weight 1/2; the weight is never below the argument `adaptation`, 1/4. The error is -1/4 for pixel 1, with the weight 1/4. Pixel 2 has no
+    // reference. Pixel 3 has no link, so its mean begins again.
     let memory = [[0.5, 1.0], [0.25, 9.0], [0.125, 3.0], [0.0, 0.0]];
     let remembered = metrics::reference::remember(&now, &truth, Some(&memory), &links, 0.25);
     let expected = [[0.3125, 2.0], [0.125, 10.0], [0.0, 0.0], [0.5, 1.0]];
@@ -466,7 +466,7 @@ fn points_of_a_plane_are_linked_to_where_they_were() {
             continue;
         };
         let there = (y + 0.5).floor() as usize * 24 + (x + 0.5).floor() as usize;
-        // A position within a thousandth of a border between two pixels is uncertain.
+        // A position within a thousandth of a pixel of a border between two pixels is uncertain.
         let border = [x, y].map(|p| (p - 0.5 - (p - 0.5).round()).abs());
         assert_eq!(found.is_uncertain, border.iter().any(|&off| off < 1e-3), "pixel {at}: {found:?}");
         if past.distances[there] <= 0.0 {

@@ -189,7 +189,8 @@ fn baked_maps_are_filtered_between_the_centres_of_their_texels() {
     }
 }
 
-/// Samples a chain of mips that repeats, by sums over all texels. Colours are decoded before they are filtered.
+/// Samples the mip chain of a repeating texture at `uv`, by sums over all texels. `step` is the length of the longer derivative, in repeats per
+/// pixel. Colours are decoded before they are filtered.
 fn sampled(chain: &CompressedChain, is_srgb: bool, uv: DVec2, step: f64) -> [f64; 4] {
     let lod = (step * f64::from(chain.size)).log2().clamp(0.0, (chain.levels.len() - 1) as f64);
     let of_level = |level: usize| {
@@ -228,7 +229,7 @@ fn materials_are_turned_repeated_filtered_tinted_and_bent() {
         let size = random.between(-10.0, 3.0).exp2() * material.tile_m;
         let steps = [0.0, 1.0].map(|turn: f64| DVec2::from_angle(turn + f64::from(round as u32)) * size * random.between(0.5, 1.0));
         let found = all.ground.material(id as u8, &Projection { plane, at, steps }, scale);
-        // u points along the orientation, v is perpendicular to it. A scale of s repeats the texture every 2^s tiles.
+        // u points along the orientation, v is perpendicular to it. At scale s, a repeat of the texture is 2^s times as wide as at scale 0.
         let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
         let tile_m = material.tile_m * f64::from(1_u32 << scale);
         let uv = DVec2::new(at.x * cos + at.y * sin, at.y * cos - at.x * sin) / tile_m;

@@ -1,5 +1,5 @@
-//! The application without a window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests, and
-//! machines without a display.
+//! The application with an invisible window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests,
+//! and machines without a display.
 //!
 //! A script controls time. How long a step waits for its picture depends on the machine. Therefore, no time passes while a step waits. This applies
 //! to frames, which advance only by the step `frames` and by the controls that advance by one frame. It also applies to the time of the window, by
@@ -95,7 +95,7 @@ pub fn steps(text: &str) -> Result<Vec<Step>> {
 /// Limit of the side of a texture, pixels. Windows of eframe have the same limit.
 const MOST_SIDE: usize = 8192;
 
-/// The application without a window.
+/// The application with an invisible window.
 pub struct Stage {
     harness: Harness<'static, Workbench>,
 }

@@ -182,7 +182,8 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     })
 }
 
-/// Perceived noise is measured in 4 of the 16 frames of a sequence, so this share of its duration is added to the time of each frame.
+/// Perceived noise is measured in at most 4 frames of a sequence. For a sequence of 16 measured frames, this share of the duration of computing it
+/// is therefore added to the time of each frame.
 const SHARE_SEEN: f64 = 0.25;
 
 /// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring two streams, one

@@ -37,7 +37,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Opens a device.
+    /// Opens a device, and makes Ctrl-C request a clean stop.
     pub(crate) fn begin() -> Result<Session> {
         watch_interrupts()?;
         Ok(Session { gpu: Gpu::new()?, reporter: Reporter::new() })

@@ -1,5 +1,5 @@
-//! `stability`: compares every kernel at extreme values with its reference in f64, and tests stored directions, derivatives and noise against derived
-//! values.
+//! `stability`: compares every kernel at extreme values with its reference in f64. Also tests stored directions, derivatives, hashes and noise
+//! against values that follow from theory, or that were published or recorded.
 
 use std::collections::BTreeMap;
 use std::fs;

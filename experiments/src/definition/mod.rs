@@ -126,10 +126,10 @@ fn default_signals() -> Vec<String> {
 
 /// Value of the key `times_budget_s` if a definition does not give it, seconds.
 pub const TIMES_BUDGET_S: f64 = 60.0;
-/// Limit of the seconds for timing in runs of `check`.
+/// Upper limit of `times_budget_s` in runs of `check`, seconds.
 const SMALL_TIMES_BUDGET_S: f64 = 5.0;
 
-/// Limit of the seconds for which times are measured without a pause: a day. A larger value is considered a typing error.
+/// Upper limit of `times_budget_s`, and of the option `--budget` of `bench`: a day, in seconds. A larger value is considered a typing error.
 pub(crate) const MAX_TIMES_BUDGET_S: f64 = 86_400.0;
 
 fn default_times_budget_s() -> f64 {
@@ -217,7 +217,7 @@ pub enum Motion {
 pub struct Vary {
     /// A setting of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
     /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4), `frame.seed`,
-    /// `frame.reseeds`, `frame.two_tilings`.
+    /// `frame.reseeds`, `frame.two_tilings`, `frame.exposure` (stops, -16 to 16), `frame.tone_curve` (`reinhard`, `clip`).
     pub parameter: String,
     /// The values of the parameter, in the order in which they are measured.
     pub values: Vec<toml::Value>,
@@ -380,10 +380,11 @@ impl Definition {
         metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || with_another()
     }
 
-    /// Checks that a run measures this metric.
+    /// Checks that the definition requests this metric, and has the seeds, frames or times that the metric needs. Unlike [`Definition::measures`], it
+    /// does not accept a metric that is measured only because another metric is requested.
     ///
     /// # Errors
-    /// The run does not measure it. The message gives the reason and the remedy.
+    /// The metric is not requested, or something that it needs is missing. The message gives the reason and the remedy.
     fn why_not(&self, metric: &str) -> Result<(), String> {
         let needs = metrics::known(metric)?.needs;
         match needs {
@@ -406,7 +407,7 @@ impl Definition {
         metrics::Sequence { frames: self.frames, warm_up: self.warm_up }
     }
 
-    /// Returns the definition with the changes of [`Small`] applied.
+    /// Returns the definition with the changes of [`Small`] applied, and with a `times_budget_s` of at most 5 seconds.
     #[must_use]
     pub fn small(&self) -> Definition {
         let mut small = self.clone();
@@ -427,7 +428,8 @@ impl Definition {
         small
     }
 
-    /// Returns a copy that contains only what affects the measured numbers: without the question, the analysis, the expectations and `small`.
+    /// Returns a copy that contains only what affects the measured numbers: without the question, the analysis, the expectations, `small` and the
+    /// folder of the definition.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),

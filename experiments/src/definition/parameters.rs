@@ -50,8 +50,8 @@ pub(super) fn frame_parameters() -> Vec<&'static str> {
 /// thousands of steps would create nested tables of this depth and overflow the stack.
 const MOST_STEPS: usize = 8;
 
-/// Sets the value at `path` in a document. If the old and the new value are tables, they are merged. In a list of tables, a step of the path selects
-/// a table by its `name` or by its number, counted from 1.
+/// Sets the value at `path` in a document. If the old and the new value are tables, they are merged. In a list, a step of the path selects an entry
+/// by its number, counted from 1. In a list of tables, a step can also be the `name` of a table; names take precedence over numbers.
 fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     let Some((step, rest)) = path.split_first() else {
         match (at, value) {

@@ -33,7 +33,7 @@ const MAX_UNITS: usize = 100_000;
 const BATCH: u32 = 8;
 const BATCHES: u32 = 4;
 
-/// The facts about a scene that are needed to check a definition: cameras, paths and passes.
+/// The facts about a scene that are needed to check a definition: cameras, paths, passes, and the text of the scene.
 struct Facts {
     /// Names of cameras, each with its field of view in degrees if it is known.
     cameras: Vec<(String, Option<f64>)>,
@@ -309,7 +309,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// Checks the names of variants, estimators, noises, resolves and metrics.
+/// Checks the names of variants, estimators, noises, resolves and metrics, and that a run of this definition can measure the metrics.
 fn choices(top: &At, definition: &Definition) -> Checked {
     let variants = top.key("variants");
     list(&variants, &definition.variants, |text| match text {
@@ -391,7 +391,8 @@ fn finite(at: &At, value: &Value) -> Checked {
     }
 }
 
-/// Checks that the cameras, paths and passes that the definition names exist in the scene.
+/// Checks everything that depends on the scene: the cameras and paths that the definition names, the number of frames of paths, the fields of view
+/// of zooms, the settings of the scene, and the expectations.
 fn against(definition: &Definition, facts: &Facts) -> Checked {
     let top = At::top();
     let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
@@ -433,7 +434,8 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// Checks that the scene is valid with the settings in `set`, and with each value of the varied parameter.
+/// Checks that the scene is valid with the settings in `set`, and with each value of the varied parameter. Also checks that it then has a virtual
+/// texture if a variant needs one.
 fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     let like;
     let text = match &facts.text {

@@ -164,9 +164,9 @@ fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>,
     }
 }
 
-/// Returns the layer that is read if the caller names none. Layers with colours are preferred to layers of vectors and values. Among these
-/// layers, the layer without a name is returned or, if all have names, the only layer. If several layers remain, the function returns an
-/// error.
+/// Returns the layer that is read if the caller names none. If there are layers with colours, layers of vectors and values are left out. Among
+/// the remaining layers, the layer without a name is returned or, if all have names, the only layer. If several layers remain, the function
+/// returns an error.
 fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     let pictures: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.picture().is_some()).collect();
     let colours: Vec<&'l Layer<'a>> = pictures.iter().copied().filter(|layer| layer.is_colour()).collect();

@@ -20,7 +20,7 @@ pub const K1: f64 = 0.01;
 pub const K2: f64 = 0.03;
 
 /// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the windows whose central pixel is
-/// compared. `None` if there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the edges, or the
+/// compared. `None` if there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the border, or the
 /// lengths do not match the size.
 pub fn ssim(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: Option<&[bool]>) -> Option<f64> {
     let [width, height] = size.map(|side| side as usize);

@@ -165,7 +165,7 @@ impl<'a> Judged<'a> {
         Ok(judged)
     }
 
-    /// Whether the deviation is larger than chance and rounding explain.
+    /// Whether the deviation is larger than the largest accepted one.
     fn is_off(&self) -> bool {
         self.deviation > self.allowed
     }
@@ -206,7 +206,7 @@ impl<'a> Family<'a> {
         self.judged.iter().max_by(|a, b| (a.deviation / a.allowed).total_cmp(&(b.deviation / b.allowed)))
     }
 
-    /// Describes how far this row is from its expected value. `what` names the deviation.
+    /// Describes how far the row that [`Family::furthest`] returns is from its expected value. `what` names the deviation.
     fn largest(&self, what: &str) -> Option<String> {
         let Judged { row, deviation, standard_error, limit, .. } = self.furthest()?;
         Some(format!(

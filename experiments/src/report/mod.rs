@@ -77,7 +77,7 @@ impl RunData {
 pub(crate) struct Written {
     /// Path of the HTML page.
     pub(crate) page: PathBuf,
-    /// The answer to the run's question: one sentence, and a line with details for each view.
+    /// The answer to the run's question: one sentence, and a line with details for each of at most three views.
     pub(crate) verdict: String,
 }
 

@@ -238,7 +238,7 @@ fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
     values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
 
-/// Returns the half-width of the 95 % confidence interval of a value; 0 = unknown.
+/// Returns the half-width of the 95 % confidence interval of a choice's value of `metric`; 0 = unknown.
 fn half(summary: &Summary, metric: Metric) -> f64 {
     summary.half(metric).unwrap_or(0.0)
 }
@@ -528,7 +528,7 @@ struct CloseUp {
     choices: Vec<(usize, Rgb)>,
     /// Number of choices before the limit [`CURVES`] was applied.
     all: usize,
-    /// Whether all choices have the same temporal resolve. The heading then contains the name of the resolve.
+    /// Whether the variant has a close-up for each temporal resolve. The heading then contains the name of the resolve.
     resolved: bool,
 }
 
@@ -575,7 +575,7 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Makes a close-up plot from at most [`CURVES`] of the rows, each with its own colour. `resolved`: whether the rows have a temporal resolve.
+/// Returns a close-up of at most [`CURVES`] of the rows, each with its own colour. `resolved`: see [`CloseUp::resolved`].
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);

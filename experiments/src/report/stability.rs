@@ -77,7 +77,7 @@ impl<'a> Group<'a> {
         self.findings.iter().copied().filter(|finding| finding.on == "gpu")
     }
 
-    /// Returns the finding on a device with the largest error.
+    /// Returns the finding with the largest error among the findings of devices.
     fn worst(&self) -> &'a Finding {
         self.on_gpu().max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
     }

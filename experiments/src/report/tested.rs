@@ -21,7 +21,7 @@ struct Tested<'a> {
 
 impl<'a> Tested<'a> {
     /// Selects the random choices that have a number of this metric and an estimator whose mean is the exact blend. A choice of several flavours is
-    /// not tested if each of its random flavours is tested alone, with the same view, noise and setting. It is counted in `follow`.
+    /// not tested if each of its random flavours is tested alone, with the same values of all columns but the variant. It is counted in `follow`.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries
@@ -63,7 +63,7 @@ fn drawing(summary: &Summary) -> Vec<Flavour> {
 }
 
 /// Whether a choice that may draw random numbers does so. Forced flavours cover all pixels, so choices with forced flavours do. In an automatic
-/// choice, it is possible that no pixel has a random flavour.
+/// choice, it is possible that no pixel has a random flavour. A choice whose value of `metric` is NaN counts as random, so that a check reports it.
 fn is_random(summary: &Summary, metric: Metric) -> bool {
     let forced = matches!(variant_choice(&summary.key.variant), Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)));
     forced || summary.is_stochastic() || summary.value(metric).is_nan()

@@ -1,5 +1,5 @@
 //! Answers the question of a run. The first line is one sentence that answers it, with the numbers that decide it and their intervals. A line with
-//! details follows for each view. All lines are built from the numbers of the run; their form depends on which column varies.
+//! details follows for each of at most three views. All lines are built from the numbers of the run; their form depends on which column varies.
 
 use std::cmp::Ordering;
 
@@ -53,13 +53,13 @@ struct Told {
     sure: bool,
     /// The answer as a sentence, without the name of the view.
     sentence: String,
-    /// The deciding numbers. They are given for a view whose answer is the same as that of the first view.
+    /// The deciding numbers. They are given for a view whose answer is the same as that of the view that the first line describes.
     numbers: String,
-    /// The answer as a short clause. It is given for a view whose answer differs from that of the first view.
+    /// The answer as a short clause. It is given for a view whose answer differs from that of the view that the first line describes.
     otherwise: String,
 }
 
-/// Returns the answer. Its first line is one sentence, and the other lines have the details of each view.
+/// Returns the answer. Its first line is one sentence, and the other lines have the details of at most [`VIEWS`] views.
 pub(super) fn verdict(table: &Table) -> String {
     let shape = Shape::of(table);
     let told: Vec<(&String, Told)> =
@@ -312,8 +312,9 @@ fn alike_words(table: &Table, ranked: &Ranking, name: impl Fn(usize) -> String) 
     words(&unclear, "which the run cannot tell from") + &words(&close, &format!("within {:.0} % of", 100.0 * SMALL))
 }
 
-/// Selects a subject, and returns all rows for which `same` holds in comparison with the subject, including the subject. The subject is the first row
-/// of the variant `auto`. If there is none, it is the first stochastic choice. If there is no stochastic choice either, it is the first row.
+/// Selects the row that an answer is about, the *subject*. Returns all rows for which `same` holds in comparison with the subject, including the
+/// subject. The subject is the first row of the variant `auto`. If there is none, it is the first stochastic choice. If there is no stochastic
+/// choice either, it is the first row.
 fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<usize> {
     let of = |i: usize| &table.summaries[i];
     let chosen = rows.iter().copied().find(|&i| of(i).key.variant == "auto");
@@ -422,7 +423,8 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     Some(Told { answer: names, sure: true, sentence, numbers, otherwise })
 }
 
-/// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured.
+/// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured. `best`: the row of this noise.
+/// `subject`: the words that stand for this noise in the sentence.
 fn eye(table: &Table, rows: &[usize], best: usize, subject: &str) -> Option<String> {
     let Ranking { best: quiet, worst: noisy, level, .. } = ranking(table, rows, PERCEIVED, 1)?;
     let of = |i: usize| &table.summaries[i];

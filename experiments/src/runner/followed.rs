@@ -79,7 +79,7 @@ impl Followed {
         (u64::from(frame) * u64::from(frames.min(GROUPS)) / u64::from(frames)) as usize
     }
 
-    /// Adds the sums of a frame, and the frame's rows. `changes`: the changes of the reference sequence, by signal.
+    /// Adds the sums of a frame, and the frame's rows. `name`: the variant. `changes`: the changes of the reference sequence, by signal.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     pub(super) fn add(
         &mut self,
@@ -143,7 +143,7 @@ impl Followed {
         Ok(())
     }
 
-    /// Adds the perceived noise of a frame. `remembered`: see `Meter::memory`.
+    /// Adds the perceived noise of a frame. `remembered`: the remembered errors of the stream after this frame, as `Meter::memory` returns them.
     pub(super) fn see(
         &mut self,
         labels: &Labels<'_>,

@@ -49,7 +49,7 @@ impl How {
 }
 
 impl Runner<'_> {
-    /// Measures a sweep: first all frames, then the errors of the last frame, then several seeds for the last frame.
+    /// Measures a sweep: first all frames, then the errors and costs of the last frame, then several seeds for the last frame.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
@@ -288,7 +288,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed.
+    /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed. Also computes the variance that theory
+    /// predicts.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn seeds(
         &mut self,
@@ -427,9 +428,9 @@ fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
 
-/// Adds the rows of the spectrum of a picture's error in luminance. The spectrum is computed from the largest square that contains only
-/// terrain and lies at the middle of the picture's lower edge. If this square is too small, or if the error is practically 0 everywhere, no
-/// rows are added.
+/// Adds the rows of the spectrum of a picture's error in luminance. The spectrum is computed from a square at the middle of the picture's lower
+/// border. Its side is a multiple of 16 pixels and at most [`SPECTRUM_SIDE`]. The largest such square that contains only terrain is used. If it
+/// is smaller than [`SMALLEST_SIDE`], or if the error is below 1e-6 everywhere, no rows are added.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

@@ -47,8 +47,8 @@ fn wanted(candidates: usize, base: usize) -> Vec<Wanted<'static>> {
 }
 
 impl Runner<'_> {
-    /// Measures the times of all passes of each variant in the first frame, and their ratios to the times of the first variant. [`rounds`] decides in
-    /// which order the pictures are drawn, and how many.
+    /// Measures the times of all passes of each variant in the first frame, and their ratios to the times of the first variant with the first
+    /// estimator and noise. [`rounds`] decides in which order the pictures are drawn, and how many.
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let stage = self.stage.as_mut().context("the renderer was not prepared")?;
@@ -87,7 +87,8 @@ impl Runner<'_> {
         let scene = renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: "off" };
         let mut rows = Vec::new();
-        // A base that belongs to another part is not among the variants of this part. It is skipped, because the other part stores its rows.
+        // If the candidate by which all times are divided belongs to another part, it is not among the variants of this part. It is then skipped,
+        // because the other part stores its rows.
         for (candidate, pass) in samples.keys() {
             let Some((name, _)) = self.variants.get(candidate) else { continue };
             let (key, base) = ((candidate, pass), (base, pass));

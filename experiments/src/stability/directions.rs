@@ -26,8 +26,8 @@ const MEAN: [f64; 2] = [42.79, 39.98];
 /// Largest accepted relative deviation of a mean error from the published value. If no value was published, the deviation is measured from the value
 /// that [`MEAN`] gives.
 const OF_MEAN: f64 = 0.005;
-/// Largest accepted relative difference between the error that is found at tested directions and the upper bound. The supremum of the error lies
-/// between these two numbers.
+/// Largest accepted relative difference between the largest error at tested directions and the upper bound of the error. The supremum of the error
+/// lies between these two numbers.
 const OF_SUPREMUM: f64 = 1e-4;
 /// Number of pixels at which derivatives are computed.
 const PIXELS: u32 = 200_000;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::extremes::{Case, Extremes};
 
-/// The result for one kernel, one value of one parameter, one measure, and one device or the reference in f32.
+/// The result for one kernel, one value of one parameter, one measure of the error (such as an angle), and one device or the reference in f32.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Name of the probe.
@@ -39,7 +39,7 @@ pub struct Finding {
     pub worst_ulp: f64,
     /// Median error over the rows, in the same unit as `worst_ulp`.
     pub typical_ulp: f64,
-    /// Name of the measure.
+    /// Name of the measure of the error.
     pub measure: String,
     /// Largest error in the measure's unit.
     pub worst: f64,

@@ -228,7 +228,7 @@ pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]
     sums.into_iter().map(mean).collect()
 }
 
-/// Returns the power of the error in the band [`BAND`], computed from the square at the middle of the lower edge.
+/// Returns the power of the error in the band [`BAND`], computed from the square at the middle of the lower edge of the picture.
 fn low_power(picture: &[[u32; 2]]) -> f64 {
     let (left, top) = ((SIZE[0] - SIDE) / 2, SIZE[1] - SIDE);
     #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]

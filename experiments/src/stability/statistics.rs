@@ -113,7 +113,8 @@ pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
     (2.0 * binomial.cdf(covered).min(above)).min(1.0)
 }
 
-/// Returns the number of distinct thresholds after rounding to 24 bits. Thresholds have 24 bits before rounding, unless they blend two scales.
+/// Returns the number of distinct thresholds after rounding to 24 bits. Thresholds have 24 bits before rounding, except those of hashed noise that
+/// blend the random numbers of two cells of different size.
 pub fn distinct(thresholds: &[f64]) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
     let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();

@@ -71,7 +71,8 @@ pub struct Manifest {
     pub provenance: Provenance,
     /// Whether all parts are finished and joined.
     pub complete: bool,
-    /// xxHash64 of all properties that must be equal in two runs for their numbers to be comparable. Every part stores this hash, so that a part of
+    /// xxHash64 of what identifies the run or shard: the experiment, the shard, `small`, the keys of the definition that affect the numbers, the
+    /// source of the scene, the adapter, the driver, and the version and commit of the program. Every part stores this hash, so that a part of
     /// another run is recognised. Empty in manifests of older versions.
     #[serde(default)]
     pub identity: String,

@@ -6,7 +6,7 @@
 //!   manifest.json      written first; at the end `complete` becomes true
 //!   lock               locked by the process that does the run
 //!   scene/             the imported scene, if the definition imports one
-//!   reference/         converged references, with their standard errors and the differences between frames
+//!   reference/         converged references, and facts about them (JSON); reference sequences, until no unfinished sweep needs them
 //!   pictures/, video/  pictures of the report; sequences of frames, if the definition requests them
 //!   parts/             a file for each finished part; removed when all parts are finished and joined
 //!   metrics.parquet    all rows of metrics, in the order of the parts; metrics.csv has the same rows

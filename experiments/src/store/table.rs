@@ -244,7 +244,7 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
     }
 }
 
-/// Returns the version of the columns of a file; `None` if it has no such note.
+/// Returns the version of the columns of a file; `None` if the file has no note about this version.
 fn schema_of(reader: &dyn FileReader) -> Option<String> {
     let notes = reader.metadata().file_metadata().key_value_metadata()?;
     notes.iter().find(|note| note.key == NOTE_SCHEMA)?.value.clone()

@@ -29,7 +29,7 @@ pub enum Error {
         /// What is wrong and how to fix it.
         what: String,
     },
-    /// The machine has no suitable adapter.
+    /// The machine has no suitable adapter, or no device can be opened on it.
     #[error("adapter: {0}")]
     Adapter(String),
     /// The caller requested something that is not possible.

@@ -1,8 +1,8 @@
 //! Suggestions for misspelled names.
 
-/// The known word nearest to `word`, if at most a third of the letters differ. A difference of one letter is accepted in every word that has more
-/// than one letter. Upper and lower case count as equal, and so do `-` and `_`. If several known words are equally near, the first of them is
-/// returned.
+/// The known word nearest to `word`, if the number of different letters is at most a third of the length of the longer word. A difference of one
+/// letter is accepted in every word that has more than one letter. Upper and lower case count as equal, and so do `-` and `_`. If several known words
+/// are equally near, the first of them is returned.
 pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace('_', "-");
     let wanted = plain(word);

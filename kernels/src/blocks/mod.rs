@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use texpresso::{Algorithm, Format, Params};
 
-/// A block format of node payloads.
+/// A block format of node payloads and of detail textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockFormat {
     /// 8 bytes per block: a line of colours between two 5:6:5 end points; alpha is 0 or 255.
@@ -87,8 +87,8 @@ pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, wei
     blocks
 }
 
-/// Improves a block in at most two rounds. Each round computes the end points by least squares for the given indices, and then chooses the
-/// nearest palette entry for each texel. Quantisation of the end points can raise the weighted squared error, so a round that does not lower
+/// Improves a block in at most two iterations. Each iteration computes the end points by least squares for the given indices, and then chooses the
+/// nearest palette entry for each texel. Quantisation of the end points can raise the weighted squared error, so an iteration that does not lower
 /// the error is discarded and ends the search. Blocks in BC1's three-colour mode (mostly blocks of one colour) are not changed.
 fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     // Share of the first end point in palette entries 0 to 3.

@@ -3,7 +3,7 @@
 // The entry point, which computes the OR, is in plain.wgsl (workgroup atomics) or in subgroup.wgsl (subgroup operations). The two files
 // give equal results.
 
-// Edge of a tile, pixels. One workgroup per tile, one invocation per pixel.
+// Edge length of a tile, pixels. One workgroup per tile, one invocation per pixel.
 override TILE: u32 = 8u;
 
 struct DrawArguments {

@@ -19,9 +19,9 @@ use crate::view;
 
 pub mod reference;
 
-/// Edge of a tile, pixels: the default, as in Far Cry 5.
+/// Edge length of a tile, pixels: the default, as in Far Cry 5.
 pub const TILE: u32 = 8;
-/// Possible edges of a tile, pixels. Experiments vary the edge to measure how the cost depends on it.
+/// Possible edge lengths of a tile, pixels. Experiments vary this length to measure how the cost depends on it.
 pub const TILES: [u32; 3] = [4, 8, 16];
 /// Number of bits that hold the tile's column in an entry of a tile list. The tile's row has the same number of bits.
 pub const TILE_COORDINATE_BITS: u32 = 12;
@@ -30,12 +30,12 @@ pub const LISTS: u32 = 32;
 /// Bytes of one list's indirect draw arguments.
 pub const ARGUMENT_BYTES: u64 = 16;
 
-/// Columns and rows of tiles that cover a picture.
+/// Columns and rows of the tiles that cover a picture, for tiles with the default edge length [`TILE`].
 pub fn tiles(size: [u32; 2]) -> [u32; 2] {
     tiles_of(size, TILE)
 }
 
-/// Columns and rows of tiles with the edge `tile` that cover a picture.
+/// Columns and rows of the tiles that cover a picture. `tile`: edge length of a tile, pixels.
 pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
     size.map(|n| n.div_ceil(tile))
 }
@@ -60,7 +60,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Allocates the lists for a picture of `size` pixels and tiles with the edge `tile`.
+    /// Allocates the lists for a picture of `size` pixels. `tile`: edge length of a tile, pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2], tile: u32) -> Lists {
         let tiles_xy = tiles_of(size, tile);
         let [x, y] = tiles_xy;
@@ -98,7 +98,7 @@ impl Lists {
 pub struct Classification {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// Number of tiles in each list, in the last frame.
+    /// Number of tiles in each list, as last read by `read_counts`.
     counts: [u32; LISTS as usize],
 }
 
@@ -164,7 +164,7 @@ impl Stage for Classification {
 }
 
 impl Classification {
-    /// Compiles the pass for tiles with the edge `tile`, pixels.
+    /// Compiles the pass. `tile`: edge length of a tile, pixels.
     ///
     /// # Errors
     /// When the shader does not compile.

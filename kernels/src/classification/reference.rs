@@ -2,8 +2,8 @@
 
 use crate::classification::{TILE, tiles};
 
-/// Returns, for every tile, row by row, the OR of the masks of its terrain pixels; 0 = no terrain pixel. `mask` and `terrain` have one entry per
-/// pixel; `forced`, if given, replaces the mask of every terrain pixel.
+/// Returns, for every tile of 8 x 8 pixels, row by row, the OR of the masks of its terrain pixels; 0 = no terrain pixel. `mask` and `terrain` have
+/// one entry per pixel; `forced`, if given, replaces the mask of every terrain pixel.
 pub fn tile_masks(size: [u32; 2], mask: &[u8], terrain: &[bool], forced: Option<u8>) -> Vec<u8> {
     let [columns, rows] = tiles(size);
     let mut out = vec![0; (columns * rows) as usize];

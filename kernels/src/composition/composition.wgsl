@@ -102,7 +102,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         var shared_fetches = 0u;
         for (var flavour = 0u; flavour < 5u; flavour++) {
             let w = weights[flavour];
-            // The layer of a flavour outside the mask may hold undefined values.
+            // The textures of a flavour outside the mask may hold undefined values.
             if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
                 continue;
             }

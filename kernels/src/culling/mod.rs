@@ -25,7 +25,7 @@ pub const PATCH_QUADS: u32 = 16;
 pub struct Patch {
     /// South-west corner of the patch's *node*, in local coordinates: metres from the south-west corner of the camera's sector.
     pub node_origin: [f32; 2],
-    /// Distance between neighbouring vertices, metres.
+    /// Distance between neighbouring vertices of the node at vertex stride 1, metres.
     pub spacing: f32,
     /// Atlas slot, from 1.
     pub slot: u32,
@@ -66,7 +66,8 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -
 }
 
 /// Returns those patches of the drawn nodes that may be visible from `eye`, in the order of the nodes. The field `node_origin` of a patch
-/// is in the local coordinates of `view`. The two views are equal unless culling is frozen. `stride`: a power of two, see [`pack_deltas`].
+/// is in the local coordinates of `view`. The two views are equal unless culling is frozen. `drawn`: the nodes to draw, each with its atlas slot and
+/// its bounds. `stride`: a power of two, see [`pack_deltas`].
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
     let mut patches = Vec::new();

@@ -53,7 +53,7 @@ pub struct Part {
     pub pixel_aspect: f32,
     /// Primaries and white point that the file states; None = Rec. ITU-R BT.709 by convention.
     pub chromaticities: Option<Chromaticities>,
-    /// Name of the compression, such as `DWAA`, if it changed samples of at least one channel.
+    /// Name of the compression, such as `DWAA`, if it is lossy for the type of at least one channel.
     pub lossy: Option<&'static str>,
     /// All channels, in the order of the file. Names include the layer ("terrain.height").
     pub channels: Vec<Channel>,
@@ -172,10 +172,10 @@ pub fn read(input: impl BufRead + Seek, max_side: u32) -> Result<Vec<Part>, Faul
 /// Reads all parts of a file whose windows are within the limits.
 ///
 /// # Errors
-/// The text has one line, without the name of the file. [`Fault::Unsupported`]: deep data, subsampled channels, HTJ2K compression, integers
-/// that f32 cannot represent exactly. [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has
-/// more than 2^28 bytes. [`Fault::Damaged`]: the file contradicts itself or ends too early, a block is missing, or two channels have the
-/// same name.
+/// The text has one line, without the name of the file. [`Fault::Io`]: the operating system cannot read the file. [`Fault::Unsupported`]: deep
+/// data, subsampled channels, HTJ2K compression, integers that f32 cannot represent exactly. [`Fault::TooLarge`]: a window exceeds the limits,
+/// there are more than 2^31 samples, or a block has more than 2^28 bytes. [`Fault::Damaged`]: the file contradicts itself or ends too early,
+/// a block is missing, or two channels have the same name.
 pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec<Part>, Fault> {
     // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, the crate would report an unknown compression
     // as a missing compression.
@@ -589,8 +589,8 @@ mod tests {
         };
         let whole = [0, 0, 2, 1];
         for name in ["dataWindow", "displayWindow"] {
-            // Corners are inclusive, so 0 to 100 is one pixel wider than the limit of 100. The second window is the largest one of the
-            // crate. The third is the largest one of the format, which the crate refuses.
+            // Corners are inclusive, so 0 to 100 is one pixel wider than the limit of 100. The second window is nearly the largest one that
+            // the crate accepts. The third is the largest one of the format, which the crate refuses.
             for corners in [[0, 0, 100, 1], [-1_000_000_000, 0, 1_000_000_000, 1], [i32::MIN, i32::MIN, i32::MAX, i32::MAX]] {
                 let text = read_all(&changed(small(), &window(name, whole), &window(name, corners))).unwrap_err();
                 assert!(text.contains("window") || text.contains("box") || text.contains("chunk count"), "{text}");

@@ -22,7 +22,7 @@ pub mod reference;
 
 /// Format of the displayed picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Radiance that [`ToneCurve::Reinhard`] maps to white.
+/// Luminance, after exposure, that [`ToneCurve::Reinhard`] maps to 1. Greater values are clipped.
 pub const WHITE: f64 = 4.0;
 /// Limits of the exposure: the smallest and the largest accepted value, stops.
 pub const STOPS: [f64; 2] = [-16.0, 16.0];

@@ -124,7 +124,7 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
     }
 
     /// Composes the picture of each stream of `meter`, and compares it with the stream's pictures of earlier frames. `variants` has one entry per
-    /// stream; `None` = each pixel has the flavours that it needs.
+    /// stream; `None` = each pixel has the flavours that it needs. Returns the sums of each stream, and the device times of the passes.
     ///
     /// # Errors
     /// When the device fails.

@@ -54,10 +54,11 @@ use stages::Stages;
 /// Options of a renderer, which are not part of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RendererOptions {
-    /// Edge of a tile, pixels: 4, 8 or 16.
+    /// Edge length of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
-    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). An editable renderer keeps the sources of
-    /// nodes (at most 130 MB) and of textures (twice the size of the compressed textures).
+    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). An editable renderer keeps
+    /// additional data in main memory: the data from which node payloads are made (at most 130 MB), and the compressed detail textures of the current
+    /// and of the former palette.
     pub editable: bool,
     /// Edge of the detail textures of a quick preview, texels. These textures are used until [`Renderer::take_palette`] sets textures of the size
     /// that the scene gives. `None` = no preview: from the start, the textures have the size that the scene gives. Only for editable renderers.
@@ -338,7 +339,7 @@ impl<'a> Renderer<'a> {
 
     /// Draws the view once for each flavour in `flavours`. Each time, every pixel is shaded by this flavour alone, and the result is copied into
     /// `layers`. The pictures of all variants can be composed from these layers. Fetches are counted and choices recorded. The geometry of the last
-    /// frame is reused if the view is the same.
+    /// frame is reused if its [`GeometryKey`] is the same.
     ///
     /// # Errors
     /// The same errors as [`Renderer::render`].
@@ -456,7 +457,7 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // A draw without lighting is internal and never displayed, so only lit draws report their pipelines as those of the displayed view.
+        // A frame without lighting is internal and never displayed, so only lit frames report their pipelines as those of the displayed view.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }

@@ -10,7 +10,7 @@ use crate::frame::{Frame, FrameReport};
 use crate::gpu::TextureReading;
 use crate::shading::diagnostics;
 
-/// Names of all layers, in the order in which they are written.
+/// Names of all layers, in their order in [`Picture::layers`].
 pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
 
 /// The layers that are requested in addition to the picture.

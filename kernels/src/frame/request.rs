@@ -48,7 +48,8 @@ pub struct ViewRequest {
 /// How the terrain's geometry is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryRequest {
-    /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split.
+    /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split, unless the upper bound of
+    /// [`SPLIT_RATIO`](crate::quadtree::SPLIT_RATIO) limits this distance.
     pub lod_bias: f64,
     /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
     /// ground keep their resolution.

@@ -1,4 +1,4 @@
-//! The uniforms of a request: the values of a frame that every stage gets.
+//! The uniforms of a request: the values of a frame that the stages share.
 
 use bytemuck::bytes_of;
 use glam::{DVec2, DVec3};

@@ -7,7 +7,7 @@ override HAS_EDGE: bool = false;
 
 struct Patch {
     node_origin: vec2<f32>,     // south-west corner of the node in local coordinates, metres
-    spacing: f32,               // metres between vertices
+    spacing: f32,               // metres between neighbouring vertices of the node at vertex stride 1
     slot: u32,
     patch_xy: vec2<u32>,        // column, row in the node's 8 x 8 patches
     deltas: u32,                // LOD deltas, 4 bits per side: N E S W from the highest bits
@@ -38,8 +38,7 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     if HAS_EDGE {
         // A vertex beyond the data is drawn at the nearest point of the data; the atlas stores the height of that point for the vertex. The move
         // comes after stitching and depends only on the position, so nodes on both sides of a border move their common vertices to the same place.
-        // Triangles beyond the data collapse to zero area. The exception are triangles that stitching stretches into the data: they close the gap to
-        // a coarser node.
+        // Triangles beyond the data collapse to zero area, except those that stitching stretches into the data: they close the gap to a coarser node.
         drawn = clamp(at, frame.data_low, frame.data_high);
         in_node += (drawn - at) / p.spacing;
     }

@@ -106,7 +106,8 @@ pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }
 
-/// Returns the usable adapters, of which there is at least one. Hardware adapters come before software adapters.
+/// Returns the usable adapters, of which there is at least one. Hardware adapters come before software adapters. If the environment variable
+/// `WGPU_ADAPTER_NAME` is set, only adapters whose name contains its value are returned.
 fn ranked() -> Result<Vec<wgpu::Adapter>> {
     let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
     if found.is_empty() {
@@ -161,8 +162,8 @@ impl Gpu {
     /// to adapters whose name contains its value.
     ///
     /// # Errors
-    /// There is no adapter, no adapter with that name, or no adapter with the required features. In the last case, the error lists what each adapter
-    /// lacks.
+    /// There is no adapter, no adapter with that name, or no adapter with the required features (the error then lists what each adapter lacks). Or
+    /// the device cannot be opened.
     pub fn new() -> Result<Gpu> {
         Gpu::with(GpuOptions::default())
     }

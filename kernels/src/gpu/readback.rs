@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 
-/// Reads the first `size` bytes of a buffer with usage `COPY_SRC`. Waits for the device.
+/// Reads the first `size` bytes, rounded up to a multiple of 4, of a buffer with usage `COPY_SRC`. Waits for the device.
 ///
 /// # Errors
 /// When the device is lost.

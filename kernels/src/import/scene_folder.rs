@@ -59,7 +59,7 @@ pub struct Understood {
 ///
 /// # Errors
 /// The errors of [`read`]; [`Error::Heightmap`] if there are too many samples without data for holes; [`Error::Request`] if `detail_m` is
-/// negative, or if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
+/// negative or not finite, or if the user stopped; the errors of [`materials::survey`] and [`MaterialSurvey::with_tile_m`].
 pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> bool) -> Result<Understood> {
     let detail_m = options.detail_m;
     if !(detail_m.is_finite() && detail_m >= 0.0) {

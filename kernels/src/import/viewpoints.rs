@@ -10,7 +10,7 @@ use crate::world::World;
 
 /// Vertical field of view that the scores assume, degrees. The image is assumed to be 16:9.
 const FOV_DEG: f64 = 55.0;
-/// Eye height, metres.
+/// Height of the cameras `cliff` and `ground` above the ground, metres.
 const EYE_M: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug)]
@@ -281,7 +281,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     let score = |pose: &Pose| {
         let hits = fan(world, *pose, 9, 8, reach);
         let count = hits.len() as f64;
-        // Far and middle distances can each add 1 to the score. Sky lowers the score only if it fills more than about a third of the picture.
+        // Far and middle distances can each add at most 1 to the score. Sky lowers the score only if it fills more than about a third of the picture.
         let far = hits.iter().flatten().filter(|h| h.distance > 0.45 * reach).count() as f64 / count;
         let middle = hits.iter().flatten().filter(|h| h.distance > 0.1 * reach && h.distance <= 0.45 * reach).count() as f64 / count;
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / count;

@@ -1,4 +1,4 @@
-//! Inspection: writes the numbers that shading derives from a pixel, namely world position, derivatives, splat texels and their weights.
+//! Inspection: writes the numbers that shading derives from a pixel, namely position, derivatives, splat texels and their weights.
 //!
 //! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] per pixel. Dispatched only if one of these numbers is
 //! requested.

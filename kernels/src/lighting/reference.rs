@@ -41,7 +41,7 @@ pub fn sky_radiance<T: Real>(light: &Light<T>, direction: [T; 3]) -> [T; 3] {
 /// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. The radiance is a + b z, where z
 /// is the z component of the direction. The integral is then pi (a + 2/3 b `normal[2]`), because the coefficients of the cosine lobe in spherical
 /// harmonics of the orders 0 and 1 are pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001, *An Efficient Representation for Irradiance Environment Maps*,
-/// equation 8).
+/// equation 8). The formula is exact only if a + b z is nowhere below 0.
 pub fn sky_irradiance<T: Real>(light: &Light<T>, normal: [T; 3]) -> [T; 3] {
     let two_thirds = T::of(2.0 / 3.0);
     let pi = T::of(std::f64::consts::PI);

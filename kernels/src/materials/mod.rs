@@ -126,7 +126,7 @@ pub struct PaletteEntry {
     pub normal_layer: u32,
     /// Layer of the height and colour-mask array.
     pub height_layer: u32,
-    /// Bit field: [`FLAG_TINTED`], and the number of a layer from bit [`LAYER_SHIFT`] on.
+    /// Bit field: [`FLAG_TINTED`], and from bit [`LAYER_SHIFT`] on the layer that represents the material in the estimator `luna8`.
     pub flags: u32,
     /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that coordinates stay exact far from the
     /// origin.
@@ -219,7 +219,8 @@ impl Palette {
         Palette::made(scene, size, sector_m, [None, None], &progress)
     }
 
-    /// Does the same as [`Palette::build`], but copies every texture that this palette or the palette `former` already contains.
+    /// Does the same as [`Palette::build`], but copies every texture that this palette or the palette `former` already contains with the same
+    /// source, size and material contrast. The image files of such a texture are not read again.
     ///
     /// # Errors
     /// The same errors as [`Palette::build`].
@@ -343,8 +344,8 @@ impl Palette {
 /// The colour towards which the mean colours of materials are moved: 18 % grey, the middle grey of photographic metering.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. Each channel is multiplied by one
-/// factor, so that a texture keeps its own relative contrast. Means stay between 0.5 % and 95 %.
+/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. All texels of a channel are multiplied
+/// by the same factor, so that the relative contrast inside a texture does not change. The new means are limited to 0.5 % to 95 %.
 fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     if (contrast - 1.0).abs() < f64::EPSILON {
         return;
@@ -377,7 +378,7 @@ pub fn check_repeats(materials: &[Material], sector_m: f64) -> Result<()> {
     materials.iter().try_for_each(|material| placement(material, sector_m).map(drop))
 }
 
-/// Returns the number of texture repeats of a material: per sector in fixed point, and per metre in floating point.
+/// Returns [`PaletteEntry::per_sector_fixed`] and [`PaletteEntry::per_metre`] of a material. The errors are those of [`check_repeats`].
 fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])> {
     let tile_m = material.tile_m;
     let usable = tile_m > 0.0 && tile_m.is_finite() && material.orientation_deg.is_finite();

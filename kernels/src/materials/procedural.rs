@@ -1,9 +1,9 @@
 //! Twelve ground materials made from noise, cells and stamped shapes, without image files.
 //!
-//! A recipe makes height and colour on a torus, so every map tiles. The other maps are computed from the height: the normal from its gradient,
-//! and the specular occlusion from the depth of hollows. Sources: gradient noise, Perlin, *Improving Noise*, SIGGRAPH 2002; cell noise,
-//! Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is computed from the second nearest point);
-//! hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
+//! A recipe makes height, albedo, smoothness and colour mask on a torus, so every map tiles. The other two maps are computed from the height:
+//! the normal from the gradient of the height, and the specular occlusion from the depth of hollows. Sources: gradient noise, Perlin,
+//! *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is
+//! computed from the second nearest point); hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
 //! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every size. Noise that is too fine for
 //! the size is left out.
@@ -209,7 +209,7 @@ impl Field {
         Field { n, v }
     }
 
-    /// Applies three box filters (nearly a Gaussian) with this radius, in repeats.
+    /// Applies three equal box filters, which together are nearly a Gaussian. A box reaches 0.6 times `radius`, in repeats, to either side.
     fn blur(&self, radius: f32) -> Field {
         let reach = ((radius * self.n as f32 * 0.6).round() as usize).clamp(1, self.n / 4);
         let mut v = self.v.clone();
@@ -569,7 +569,7 @@ impl Stone {
     }
 }
 
-/// A curved strip: grass blade, needle, twig or leaf.
+/// A curved strip: grass blade, needle, twig or leaf. `length` and the half-width `width` are in repeats.
 struct Strip {
     direction: [f32; 2],
     length: f32,
@@ -844,7 +844,8 @@ fn lay_strips(bench: &Bench, canvas: &mut Canvas, strips: &[Stamp<Strip>]) {
     canvas.draw(strips, |strip, d, _| strip.touch(d, texel));
 }
 
-/// `across`² blades of grass that lean in all directions. The colour of each blade lies between two neighbouring entries of `colours`.
+/// `across`² blades of grass that lean in all directions. `length` is the range of their lengths, and `width` their half-width, in repeats. The
+/// colour of each blade is between two neighbouring entries of `colours`. Where `clump`, about -1..1, is larger, blades are longer and higher.
 fn blades(bench: &Bench, across: u32, salt: u32, length: [f32; 2], width: f32, colours: &[[f32; 3]], clump: &Field) -> Vec<Stamp<Strip>> {
     bench
         .scatter(across, salt)

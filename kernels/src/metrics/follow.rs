@@ -123,8 +123,8 @@ pub struct Followed {
 }
 
 impl Followed {
-    /// Adds a picture. `links` lead to the picture that was added by the previous call. `compared`: whether the errors of the samples are differences
-    /// from a comparison picture. If so, they are used as the noise.
+    /// Adds a picture. `links` lead to the picture that was added by the previous call. `window`: the length of the window in frames; values below 2
+    /// count as 2. `compared`: whether the errors of the samples are differences from a comparison picture. If so, they are used as the noise.
     ///
     /// # Panics
     /// When the number of samples or links is not the number of pixels.

@@ -155,8 +155,8 @@ fn measure_residual(sum: MeasureResidual, change: MeasureChange) -> MeasureResid
 }
 
 // Updates the remembered error of a pixel's surface point. It models an eye that follows the surface, as an exponential mean of the error over time:
-// a new frame has the weight `adaptation`. In the first n frames of a point, as long as 1/n exceeds `adaptation`, the weight is 1/n instead, so the
-// result is the plain mean of these frames. The mean starts again where there is no link.
+// a new frame has the weight `adaptation`. While 1/n exceeds `adaptation`, the n-th frame of a point has the weight 1/n instead, so the result is the
+// plain mean of the n frames. The mean starts again if the pixel has no link, or if the previous frame has no picture of the reference sequence.
 fn measure_remember(at: u32, now: MeasureSeen) {
     if !now.known {
         memory[measure.memory_slot + at] = vec2<f32>(0.0);

@@ -177,7 +177,7 @@ impl Residual {
 /// Sums of one frame of one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameSums {
-    /// Number of terrain pixels whose colour is finite. All other sums are over these pixels.
+    /// Number of terrain pixels whose colour is finite. All other sums except `invalid` are over these pixels.
     pub terrain: u64,
     /// Number of terrain pixels whose colour is not finite.
     pub invalid: u64,

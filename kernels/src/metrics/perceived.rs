@@ -2,8 +2,8 @@
 //!
 //! In time, the eye is modelled by an exponential mean of the error along the motion of the surface (smooth pursuit), with a time constant of
 //! [`TIME_CONSTANT_S`]. `measure.wgsl` computes this mean m in each frame: `m = (1 - a) m_before + a e`, where e is the error in the frame and a is
-//! [`Viewing::adaptation`]. In space, the eye is modelled by the difference of two Gaussians, so that an error that is the same everywhere does not
-//! count. Perceived noise is the root mean square of the result.
+//! [`Viewing::adaptation`] (larger in the first frames of a surface point, see `measure_remember`). In space, the eye is modelled by the difference
+//! of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
 //!
 //! Closed forms, tested: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself. The root
 //! mean square of errors that are independent from frame to frame is reduced in time by the factor sqrt(a / (2 - a)). The root mean square of errors
@@ -49,8 +49,8 @@ impl Viewing {
 
 /// The weights of a one-dimensional Gaussian filter, from the middle outwards. The middle weight, plus twice the other weights, is 1.
 fn gaussian(deviation_px: f64) -> Vec<f64> {
-    // At 0.1 pixels, the weight of a neighbouring pixel is exp(-50), which is lost when it is added to the middle weight in f64. So the limit does
-    // not change results. It avoids a division by 0.
+    // The deviation is raised to at least 0.1 pixels, which avoids a division by 0. This does not change results: at 0.1 pixels, the weight of a
+    // neighbouring pixel is exp(-50), which is lost when it is added to the middle weight in f64.
     let deviation = deviation_px.max(0.1);
     let reach = (REACH * deviation).ceil() as usize;
     let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp()).collect();

@@ -25,7 +25,8 @@ pub struct Earlier<'a> {
 }
 
 /// Returns the sums of a frame, for pictures of `size` pixels. `reference` is the picture of the reference sequence, if it is known. `past` has one
-/// entry per lag, from lag 1 on. Lags 2 to 4, the box tests and the histograms include only the pixels of `quarter`.
+/// entry per lag, from lag 1 on. `quarter`: the index, 0 to 3, of the quarter of the pixels that is used for lags 2 to 4, for the test of the history
+/// ([`FrameSums::tested`]), and for the histograms.
 pub fn measure(size: [u32; 2], now: &[[u32; 2]], reference: Option<&[[u32; 2]]>, past: &[Earlier<'_>], quarter: u32) -> FrameSums {
     let mut sums = FrameSums { invalid: now.iter().filter(|s| signal::is_invalid(**s)).count() as u64, ..FrameSums::default() };
     let [width, height] = size.map(|n| n as usize);

@@ -40,8 +40,7 @@ pub struct Slots {
     pub now: u32,
     /// Offsets of the pictures 1 to 4 frames earlier.
     pub past: [u32; LAGS],
-    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for lags 2 to 4, for rejections, and for the histogram of
-    /// differences.
+    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for lags 2 to 4, for rejections, and for the histograms of changes.
     pub quarter: u32,
 }
 

@@ -23,8 +23,8 @@ pub struct Link {
     pub pixel: Option<usize>,
     /// The exact position, pixels; `None` = the point was not seen.
     pub position: Option<[f64; 2]>,
-    /// Whether the rounding of f32 may change `pixel`: the position is close to a border between two pixels, or the difference between the expected depth and the
-    /// depth found there is close to its limit.
+    /// Whether the rounding of f32 may change `pixel`. This is so in two cases: the position is close to a border between two pixels, or the relative
+    /// difference between the expected and the found depth is close to [`TOLERANCE`].
     pub is_uncertain: bool,
 }
 

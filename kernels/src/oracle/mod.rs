@@ -83,7 +83,7 @@ pub struct Pixel {
 pub struct Triangle {
     /// LOD of the triangle's node, 0 = finest.
     pub lod: u8,
-    /// Distance between vertices at that LOD, metres.
+    /// Distance between drawn vertices at that LOD and vertex stride, metres.
     pub spacing_m: f64,
     /// Unit normal of the triangle.
     pub normal: [f64; 3],

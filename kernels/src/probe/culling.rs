@@ -132,7 +132,8 @@ return array<f32, 1>(select(0.0, 1.0, away));
         let distance = length(to_patch);
         let half = d.between(0.0, 80.0_f64.to_radians());
         let radius = distance * d.between(-12.0, 0.0).exp2();
-        // In half of the rows, the angle is close to `border`, which separates patches that face away from patches that are drawn.
+        // Patches face away if the angle between the axis and the direction to the patch is smaller than `border`. In half of the rows, this angle is
+        // close to `border`.
         let border = std::f64::consts::FRAC_PI_2 - half - (radius / distance).asin();
         let off = if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-3.0, 3.0) };
         let axis = d.leaning(octahedral::unit(to_patch), border + off);
@@ -171,8 +172,8 @@ return array<f32, 1>(select(0.0, 1.0, away));
 };
 
 /// Returns 90 degrees minus the largest angle between a normal of the patch and a view ray to the patch, in radians. If the result is positive, all
-/// normals face away from the eye. If it is negative, a normal may face the eye. Unlike the reference, which compares sines and cosines, this
-/// function adds angles.
+/// normals face away from the eye. If it is negative, a normal may face the eye. The result is -1 if the cone is not valid or the eye is inside the
+/// bounding sphere. Unlike the reference, which compares sines and cosines, this function adds angles.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -301,7 +302,8 @@ return array<f32, 10>(
             (row[LOW + i], row[HIGH + i]) = (centre - extent[i], centre + extent[i]);
         }
         row[SIZE..].copy_from_slice(&size);
-        // In half of the rows, the stored depths are close to the depth of the nearest corner.
+        // In half of the rows, `off` is close to 1. On average, half of the stored depths are then close to the depth of the nearest corner, and the
+        // others are up to twice as large.
         let nearest = near / exact(&row).nearest_m.max(near);
         let off =
             if d.whole(2) < 0.5 { 1.0 + d.between(-24.0, -1.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-2.0, 2.0).exp2() };
@@ -428,7 +430,7 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Number of pixels by which the result's columns or rows extend beyond the columns or rows that the box spans.
+/// Largest number of pixels by which the result's columns or rows extend beyond the columns or rows that the box spans, of all four sides.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);

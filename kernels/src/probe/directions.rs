@@ -446,8 +446,8 @@ fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
-    // Below the equator, where x or y changes sign, the encoded point jumps from one edge of the square to another. Both points represent
-    // the same direction.
+    // Below the equator, where x or y changes sign, the encoded point is on an edge of the square, and jumps to the mirrored point of this edge.
+    // Both points represent the same direction.
     if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
         encoded = Verdict::OtherSide;
     }

@@ -179,6 +179,9 @@ fn probe_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 ///
 /// # Errors
 /// The WGSL does not compile (the message gives file and line), or the device is lost.
+///
+/// # Panics
+/// If there are more rows than [`Table::most_rows`].
 pub fn run(gpu: &Gpu, body: &str, inputs: &[f32], in_columns: usize, out_columns: usize) -> Result<Vec<f32>> {
     let results = Table::new(gpu, body, [in_columns, out_columns], Cells::Reals)?.run(bytemuck::cast_slice(inputs))?;
     Ok(bytemuck::cast_vec(results))

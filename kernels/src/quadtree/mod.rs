@@ -26,9 +26,10 @@ pub struct Selection {
     pub drawn: Vec<NodeId>,
 }
 
-/// Largest height of a quad on the screen, pixels. A node is split if, at its point nearest to the camera, a quad would be taller than this.
+/// Largest height of a quad on the screen, pixels, without a LOD bias. A visible node is split if, at its point nearest to the camera, a quad would
+/// be taller than this. The bounds of [`SPLIT_RATIO`] take precedence over this limit.
 pub const QUAD_PX: f64 = 2.5;
-/// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
+/// Bounds of the split ratio: a visible node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound applies before the LOD bias. Without it, small pictures would have coarse nodes near the camera, and the splat texels of
 /// these nodes would be coarse, too. The upper bound limits the number of nodes in large pictures, because the resident nodes must fit in
 /// the atlases.

@@ -71,8 +71,8 @@ struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
-    /// Identifies the state of the materials on the node. It gets a new value when the splat map of the node changes, or when the palette
-    /// entry, the means or a texture of one of its materials change.
+    /// Identifies the state of the materials on the node. It gets a new value when the splat map of the node changes, or when the palette entry, the
+    /// mean values (see [`Changes::means`]) or a texture of one of its materials change.
     revision: u64,
     /// The ground and the cover from which the payload was made, if they are kept.
     source: Option<(Ground, Cover)>,

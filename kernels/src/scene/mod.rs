@@ -1,7 +1,7 @@
 //! A scene file: what a scene contains, but not how it is drawn.
 //!
 //! The types below are the schema of the file (TOML; unknown keys are refused). Lengths are in metres, angles in
-//! degrees, colours in linear RGB, 0..1. The world's origin lies at its centre; x points east, y north, z up.
+//! degrees, colours in linear RGB, 0..1. The origin is at the centre of the world; x points east, y north, z up.
 
 use std::path::PathBuf;
 

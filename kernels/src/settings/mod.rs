@@ -278,7 +278,7 @@ pub struct Setting<T: 'static> {
     pub unit: &'static str,
     /// The values that the setting accepts.
     pub kind: Kind,
-    /// The default value; `None` = there is no default, so a value must be given.
+    /// The default value; `None` = a value must be given, unless `about` states an exception.
     pub default: fn() -> Option<Value>,
     /// Description of the setting, in whole sentences.
     pub about: &'static str,

@@ -34,12 +34,12 @@ pub struct Row {
     /// The value that an owner stores; `None` if [`Setting::row`] was called without an owner, or if the owner does not have the setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
-    /// The default value; `None` = there is no default, so a value must be given.
+    /// The default value; `None` = a value must be given, unless `about` states an exception.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
     /// Description of the accepted values.
     pub accepts: String,
-    /// Smallest and largest number, if the setting is a number.
+    /// Ends of the range of accepted numbers; `None` if the accepted values are not a range.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
     /// Unit of the value; empty = none.

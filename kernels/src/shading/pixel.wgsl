@@ -35,11 +35,13 @@ override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == E
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
-// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four (or eight) materials are blended.
+// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four materials (eight for `luna8`) are blended. `laplacian` uses
+// a tiling scale that depends on distance on far cliff, and scale 0 otherwise.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
 // The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and
-// SALT_HEIGHT_TEXEL are added to the salt of a flavour, for the two choices of texels.
+// SALT_HEIGHT_TEXEL are used by the estimator `stf`. They are added to the salt of a flavour for the random choice of texels: SALT_TEXEL in the
+// albedo and normal textures, SALT_HEIGHT_TEXEL in the height texture.
 
 struct Pixel {
     index: vec2<u32>,
@@ -77,8 +79,8 @@ fn shade_choose(texel: u32, plane: u32) {
     }
 }
 
-// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4, because compilers unroll loops to a constant
-// (see terrain.wgsl).
+// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4. Compilers would unroll a loop that runs to a
+// constant (see terrain.wgsl).
 fn shade_projections() -> u32 {
     if IS_BIPLANAR {
         return frame.taps - 2u;

@@ -1,8 +1,8 @@
 //! The two projections that a surface faces most, with weights that drop the third projection without a seam.
 //!
 //! Source: Quilez, *Biplanar mapping*, 2020. An axis has weight 0 if the normal's component along it is at most 1/√3 in size; above that size, the
-//! weight grows. Where the middle component equals the smallest one, a different projection is dropped. Both components are then at most 1/√3 and
-//! have weight 0, so the weights do not jump. They jump only on the eight diagonals, where all three components are equal in size.
+//! weight grows. Where the middle and the smallest component are equal in size, the dropped projection changes. Both components are then at most
+//! 1/√3 and have weight 0, so the weights do not jump. They jump only on the eight diagonals, where all three components are equal in size.
 
 use super::bounded;
 use super::octahedral::unit;

@@ -1,5 +1,5 @@
-//! Blue-noise masks: tables of thresholds. Errors that a blue-noise threshold causes in neighbouring pixels cancel when they are seen from a
-//! distance.
+//! Blue-noise masks: tables of ranks, which [`noise::mask`](super::noise::mask) converts to thresholds. The errors that these thresholds cause in
+//! neighbouring pixels cancel when they are seen from a distance.
 //!
 //! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one at the
 //! position with the least energy. The energy is the sum of Gaussians around the existing points. The index of a point in this order is its rank. The

@@ -50,7 +50,7 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
 /// Whether all of a patch faces away from the eye. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m.
 /// Its normals lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means
 /// any direction. The half angle a of the cone and the angular radius s of the sphere add up, where sin s = radius / distance: all normals face away
-/// if axis . direction > sin(a + s), with both vectors normalised.
+/// if axis . `to_patch` > sin(a + s), with both vectors normalised.
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
@@ -96,9 +96,9 @@ pub struct Cover<T> {
 
 /// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
 /// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
-/// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest edge, and the frustum test must
-/// cull it. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are more
-/// than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
+/// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest pixels of the picture, and the
+/// frustum test must cull it. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed
+/// terms are more than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -211,10 +211,11 @@ mod tests {
         assert_eq!(level([5, 0], [5, 16383]), 13);
     }
 
-    /// Size of a level of the pyramid over a picture, in texels.
+    /// A function that computes the size of a level of the pyramid, as [`level_size`] does.
     type Sizes = fn([u32; 2], u32) -> [u32; 2];
 
-    /// Texels of a picture, row by row. Beyond the last column and row, the nearest texel is read, as a shader does that clamps its coordinates.
+    /// Texels of a level of the pyramid, row by row. Beyond the last column and row, the nearest texel is read, as a shader does that clamps its
+    /// coordinates.
     struct Texels {
         size: [u32; 2],
         depths: Vec<f64>,

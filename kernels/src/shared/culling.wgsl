@@ -50,7 +50,7 @@ fn culling_summed(row: vec4<f32>, place: vec3<f32>) -> vec2<f32> {
 }
 
 // The pixels of a picture that the box from `low` to `high` covers. The parameters `row_...` are the rows for x, y and w of a matrix from the box's
-// coordinates to clip space.
+// coordinates to clip space; `near` is the distance of the near plane, m; `size` is the size of the picture, pixels.
 fn culling_cover(
     row_x: vec4<f32>, row_y: vec4<f32>, row_w: vec4<f32>, near: f32, low: vec3<f32>, high: vec3<f32>, size: vec2<u32>
 ) -> CullingCover {
@@ -89,7 +89,8 @@ fn culling_cover(
     );
 }
 
-// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels.
+// The finest level of a depth pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level stores the least
+// reversed depth of 2 x 2 texels of the level below; the texels of level 0 are pixels.
 fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
     let start = firstLeadingBit(max(last - first, vec2<u32>(1u)));
     let level = start + select(vec2<u32>(0u), vec2<u32>(1u), (last >> start) - (first >> start) > vec2<u32>(1u));

@@ -131,7 +131,7 @@ fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
     ramp(distance, border * (T::one() - blend), border * (T::one() + blend))
 }
 
-/// Weight of steep ground: 1 if `normal_z` is below `band` (steeper), 0 if it is above, and a smooth step inside. If `band` is
+/// Weight of steep surfaces: 1 if `normal_z` is below `band` (steeper), 0 if it is above, and a smooth step inside. If `band` is
 /// [`FlavourParams::cliff_cos`], the result is the weight of cliff. Always 0 if the band ends at -1 or below.
 pub fn steep<T: Real>(normal_z: T, band: [f32; 2]) -> T {
     let [low, high]: [T; 2] = band.map(|z| bounded(T::of(f64::from(z)), -1.0, 1.0));

@@ -49,8 +49,8 @@ fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
     return select(flavour_ramp(distance, at * (1.0 - share), at * (1.0 + share)), 1.0, at <= 0.0);
 }
 
-// Weight of steep ground: 1 if `normal_z` is below the band (steeper), 0 if it is above, and a smooth step inside. Always 0 if the band ends at -1 or
-// below.
+// Weight of steep surfaces: 1 if `normal_z` is below the band (steeper), 0 if it is above, and a smooth step inside. Always 0 if the band ends at -1
+// or below.
 fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
     let low = select(-1.0, clamp(band.x, -1.0, 1.0), usable_number(band.x));
     let high = select(-1.0, clamp(band.y, -1.0, 1.0), usable_number(band.y));

@@ -5,7 +5,7 @@
 //! luminance nor his rotations. **Contrast is not preserved**: blending three independent offsets multiplies the variance of a texture by Σ w², which
 //! is a third where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture with a Gaussian histogram.
 //!
-//! Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of two, and the skew of the lattice is a fraction.
+//! Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of two, and the skew of the lattice is 37/64.
 //! The edge of a sector is therefore a whole number of fixed-point steps, which are 2^-16 of the lattice spacing. So the ids of hexagons are exact
 //! integers (modulo 2^16) at any distance from the origin.
 

@@ -1,8 +1,9 @@
 // Hex tiling: the plane is divided into hexagons, each of which shows the texture at a random offset; around a point, three hexagons are blended.
 // Source: Mikkelsen, "Practical Real-Time Hex-Tiling", JCGT 11(2), 2022, after Heitz & Neyret, "High-Performance By-Example Noise using a
-// Histogram-Preserving Blending Operator", HPG 2018. This file uses Mikkelsen's exponent, but neither his weighting by luminance nor his rotations.
-// Contrast is not preserved: blending independent offsets multiplies the variance of a texture by w1^2 + w2^2 + w3^2. Hexagons lie in the plane of
-// the projection. The number of hexagons along a sector is a power of two, so that the ids of hexagons are exact integers everywhere.
+// Histogram-Preserving Blending Operator", HPG 2018. This file uses Mikkelsen's exponent 7 on barycentric weights, but neither his
+// weighting by luminance nor his rotations. Contrast is not preserved: blending three independent offsets with the weights w1, w2 and w3 multiplies
+// the variance of a texture by w1^2 + w2^2 + w3^2. Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of
+// two, so that the ids of hexagons are exact integers everywhere.
 
 // Smallest and largest level: a sector has 2^level hexagons along its edge.
 const HEX_TILING_LEVEL_MIN: i32 = -10;

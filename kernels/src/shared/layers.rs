@@ -1,8 +1,8 @@
 //! Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each other layer.
 //!
 //! Source: Luna, *Introduction to 3D Game Programming with DirectX 12*, 2016, terrain rendering. If p are the opacities, the final weight of a layer
-//! is w_i = p_i Π_{j>i} (1 - p_j). A blend map is normally painted. Here, the opacities follow from the splat map: p_j = m_j / Σ_{i≤j} m_i, where m
-//! are the shares of the layers. Only these opacities give w_i = m_i.
+//! is w_i = p_i Π_{j>i} (1 - p_j). A blend map is normally painted. Here, the opacities follow from the splat map: p_j = m_j / Σ_{i≤j} m_i, where
+//! m_j is the [`share`] of layer j. Only these opacities give w_i = m_i.
 
 use super::bounded;
 use super::real::Real;

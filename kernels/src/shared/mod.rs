@@ -4,7 +4,8 @@
 //! can use it. The Rust functions are generic over [`real::Real`]. Their results in f64 count as exact. The error of their results in f32 is the
 //! yardstick for the error of the shader. The Rust function `hash::pcg4d` is named `hash_pcg4d` in WGSL; most names correspond in this way.
 //! Some descriptions of Rust functions give the WGSL name explicitly. No function returns NaN or infinity, whatever its input. The only
-//! exceptions are functions whose documentation says that they only copy numbers.
+//! exceptions are functions whose documentation says that they only copy numbers, and the plain arithmetic of [`real`], [`signal`] and
+//! [`view`], which requires finite input.
 
 pub mod biplanar;
 pub mod blue_noise;

@@ -9,9 +9,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::real::{Real, add, dot, length, scale};
 
-/// Smallest distance along the view direction at which a point is reprojected, metres.
+/// A point is reprojected only if its distance along the view direction is larger than this, metres.
 pub const MIN_DISTANCE: f64 = 1e-4;
-/// Upper limit of the distance along the view direction at which a point is reprojected, metres.
+/// A point is reprojected only if its distance along the view direction is smaller than this, metres.
 pub const FAR: f64 = 1e9;
 
 /// The camera of an earlier frame, relative to the eye of a later frame.
@@ -76,8 +76,9 @@ impl<T: Real> Past<T> {
     }
 }
 
-/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The result is `[-1e9, -1e9, 0]`
-/// if the point is behind the earlier camera or the input is not finite. In WGSL: `motion_reproject`.
+/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The result is `[-1e9, -1e9, 0]` if the
+/// point is behind the earlier camera, if its distance is not between [`MIN_DISTANCE`] and [`FAR`], or if the input is not finite. In WGSL:
+/// `motion_reproject`.
 pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
     let q = add(point, past.offset);
@@ -99,7 +100,8 @@ pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
 }
 
 /// Distance along the earlier view direction at which `ray`, the ray of a pixel of the earlier camera, meets the plane through `point` with the
-/// normal `normal`. 0 if the plane is edge-on or the hit is behind the camera. In WGSL: `motion_expected_distance`.
+/// normal `normal`. 0 if the plane is edge-on, or if the distance is not between [`MIN_DISTANCE`] and [`FAR`]. In WGSL:
+/// `motion_expected_distance`.
 pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
     let along = dot(normal, ray);
     let distance = dot(normal, add(point, past.offset)) / along;

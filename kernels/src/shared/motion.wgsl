@@ -15,10 +15,11 @@ struct MotionPast {
     pad_1: f32,
 }
 
-// MOTION_MIN_DISTANCE, MOTION_FAR: smallest and largest distance along the view direction at which a pixel is computed, metres.
+// MOTION_MIN_DISTANCE, MOTION_FAR: a pixel is computed only if the distance along the view direction is between these two limits, metres.
 
 // Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
-// the point is behind the earlier camera, or the input is not finite, the distance is 0 and the pixel is -1e9.
+// the point is behind the earlier camera, its distance is not between the two limits, or the input is not finite, then the distance is 0 and both
+// coordinates of the pixel are -1e9.
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);
@@ -30,9 +31,9 @@ fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     return select(vec3<f32>(-1e9, -1e9, 0.0), vec3<f32>(pixel, distance), finite);
 }
 
-// The distance along the earlier view direction at which the ray through pixel centre `pixel` meets the plane through the point with normal `normal`;
-// `ray` is that pixel's ray, whose component along the view direction is 1. If the point was not occluded, the distance that the earlier
-// frame shows at this pixel is close to the result. The result is 0 if the plane is edge-on or the hit lies behind the camera.
+// The distance along the earlier view direction at which `ray` meets the plane through `point` with the normal `normal`. `ray` is the ray of a pixel
+// of the earlier camera; its component along the view direction is 1. If the point was not occluded, the distance that the earlier frame shows at
+// this pixel is close to the result. The result is 0 if the plane is edge-on, or if the distance is not between the two limits above.
 fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, normal: vec3<f32>) -> f32 {
     let along = dot(normal, ray);
     let to_plane = dot(normal, point + past.offset);

@@ -21,9 +21,9 @@
 //!   step depends on the elevation of the point: it is 0.06 mm at 700 m. Along east and north, the step is that at the coordinate
 //!   [`HashedPoint::sector_m`]. This step is the same for all points, so that the noise does not depend on the sector relative to which a point is
 //!   given.
-//! - In the anisotropic kind, no axis has cells narrower than [`LEAST_SHARE`] of the widest footprint. On level ground, the elevation does not change
-//!   from pixel to pixel, so without this rule, cells would be smallest along the elevation. There, the rounding error of depth would move points to
-//!   other cells. This error grows with the distance, as footprints do.
+//! - In the anisotropic kind, the footprint along an axis counts as at least [`LEAST_SHARE`] of the footprint along the axis on which it is widest.
+//!   On level ground, the elevation does not change from pixel to pixel, so without this rule, cells would be smallest along the elevation. There,
+//!   the rounding error of depth would move points to other cells. This error grows with the distance, as footprints do.
 //! - Along the elevation, borders between cells are a third of a cell above the multiples of the cell width ([`BORDER`]). Otherwise, level ground at
 //!   a whole elevation would lie on a border, and one step of f32 would move all of it to other cells.
 //!
@@ -52,8 +52,8 @@ const FINEST_AT_1_M: i32 = 23 - STEPS;
 /// The smallest f32 above the square root of 2, as bits after the leading one. Where the elevation passes 2^n times this number, the finest scale
 /// changes. It does not change at the powers of two, because level ground often has such an elevation, and rounding would switch its scale.
 const OCTAVE_BORDER: u32 = 0x35_04f4;
-/// Smallest width of a cell of the anisotropic kind along any axis, as a share of the footprint along the axis on which the footprint is widest. A
-/// power of two, so that the product is exact.
+/// Lower limit of the footprint along any axis in the anisotropic kind, as a share of the footprint along the axis on which the footprint is widest.
+/// A power of two, so that the product is exact.
 pub const LEAST_SHARE: f64 = 1.0 / 16.0;
 /// Share of the cell width by which borders between cells are above the multiples of the cell width, along the elevation: a third, as the nearest
 /// f32. Elevations in data are rounded to decimals or to binary fractions, and thus never to a third of a cell. The share must not be close to 1: the

@@ -128,7 +128,7 @@ fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f3
     // compensates for this.
     let across = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
     let width = vec3<f32>(usable_positive_1(across.x, 1e6), usable_positive_1(across.y, 1e6), usable_positive_1(across.z, 1e6));
-    // The elevation does not change along level ground. Without a lower limit, it would have the smallest cells.
+    // The elevation does not change along level ground. Without a lower limit, cells would be smallest along the elevation.
     let footprint = max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))));
     let finest = noise_finest(sector_m, position.z);
     let level = vec3<f32>(noise_level(footprint.x, finest.x), noise_level(footprint.y, finest.y), noise_level(footprint.z, finest.z));

@@ -12,7 +12,7 @@ use super::real::Real;
 use super::triplanar;
 use super::usable;
 
-/// 1/√2 in units of 1/256. 181/256 is 0.011 % too small, but products of whole sectors with it are exact in fixed point.
+/// 1/√2 in units of 1/256. 181/256 is 0.011 % too small, but [`fixed`] can multiply by it in integer arithmetic.
 const DIAGONAL: i32 = 181;
 
 /// Chooses the plane for a normal. The slope is steep if |z| of the unit normal is below `cosine`.

@@ -4,7 +4,7 @@
 // After Terrain3D (TokisanGames, main.glsl, get_material): there, the splat texel's normal is rounded to a coarse grid if its vertical component is
 // below a threshold, and the texture is projected onto the plane perpendicular to the rounded normal.
 
-// 1 / sqrt 2 in units of 1 / 256. 181 / 256 is 0.011 % too small, but products of whole sectors with it are exact in fixed point.
+// 1 / sqrt 2 in units of 1 / 256. 181 / 256 is 0.011 % too small, but snapped_fixed can multiply by it in integer arithmetic.
 const SNAPPED_DIAGONAL: i32 = 181;
 // tan 22.5 degrees. The eight directions are 45 degrees apart, so each includes the azimuths up to 22.5 degrees to either side.
 const SNAPPED_HALF_STEP: f32 = 0.41421356;

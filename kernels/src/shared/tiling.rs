@@ -5,8 +5,8 @@
 use super::bounded;
 use super::real::Real;
 
-/// Largest value of the lower of the two scales that are blended. At this scale, a repeat of a texture is 2^7 times as wide as at scale 0;
-/// at the upper scale, it is 2^8 times as wide.
+/// A pixel blends two neighbouring scales, s and s + 1. This is the largest s. At this scale, a repeat of a texture is 2^7 times as wide as at
+/// scale 0; at the upper scale, it is 2^8 times as wide.
 pub const MAX_LEVEL: f64 = 7.0;
 
 /// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f. At scale s, a repeat of a texture is 2^s times as wide as

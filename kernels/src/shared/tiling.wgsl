@@ -1,8 +1,8 @@
 // Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
 
-// Largest value of the lower of the two scales that are blended. At this scale, a repeat of a texture is 2^7 times as wide as at scale 0;
-// at the upper scale, it is 2^8 times as wide.
+// A pixel blends two neighbouring scales, s and s + 1. This is the largest s. At this scale, a repeat of a texture is 2^7 times as wide as at
+// scale 0; at the upper scale, it is 2^8 times as wide.
 const TILING_MAX_LEVEL: f32 = 7.0;
 
 // Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f. At scale s, a repeat of a texture is 2^s times as wide as

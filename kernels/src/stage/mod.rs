@@ -15,7 +15,7 @@ use crate::view::normals::NormalEncoding;
 
 /// What a stage declares about itself.
 pub struct Declaration {
-    /// Name of the stage, as shown in messages and timings.
+    /// Name of the stage, as shown in messages and lists. Timings show the names of its passes.
     pub name: &'static str,
     /// What the stage reads and writes, in one sentence.
     pub about: &'static str,

@@ -11,7 +11,7 @@ struct TemporalFrame {
     flipquad: u32,              // 1 = average FlipQuad's samples
     exponential: u32,           // 1 = blend into the history
     share: f32,                 // share of the current frame in the history, (0, 1]
-    neighbour: vec2<u32>,       // step to the neighbour whose sample is the second sample of a pixel in this frame: (1, 0) or (0, 1)
+    neighbour: vec2<u32>,       // step to the neighbour whose sample is the second sample of a pixel in this frame: (1, 0) or (0, 1); FlipQuad only
     past_neighbour: vec2<u32>,  // the same step for the previous frame
     history_in: u32,            // index in `history` at which the previous history begins
     history_out: u32,           // index in `history` at which the new history begins

@@ -1,5 +1,5 @@
-//! Terrain data for shaders: atlases, sector data, palette and detail arrays, in one bind group. The geometry, virtual-texture and shading
-//! stages share this group.
+//! Terrain data for shaders: atlases, sector data, palette and detail arrays, in one bind group. The stages geometry, virtual texture, shading and
+//! inspection share this group.
 //!
 //! Source: Moore, GDC 2018, "Terrain Sector Data", "Terrain Foreground Rendering".
 
@@ -19,7 +19,7 @@ use crate::world::{LODS, NodeId, PaletteMeans, SECTORS};
 
 pub mod reference;
 
-/// WGSL functions that find the texels of a material at a position.
+/// WGSL functions that find the node, the splat texels and the texels of materials at a position, and that blend materials.
 pub static WGSL: Wgsl = Wgsl::new(
     "terrain/terrain.wgsl",
     include_str!("terrain.wgsl"),

@@ -14,7 +14,7 @@ struct PaletteEntry {
     height_layer: u32,
     flags: u32,
     per_sector_fixed: vec2<i32>,    // repeats per sector, times cos and sin of the orientation; 24 fractional bits
-    per_metre: vec2<f32>,           // cos and sin of the orientation, divided by the edge of one repeat in metres
+    per_metre: vec2<f32>,           // cos and sin of the orientation, divided by the width of one repeat in metres
     tint: vec3<f32>,
     normal_strength: f32,
     mean_albedo: vec3<f32>,
@@ -170,7 +170,7 @@ struct Projection {
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     let place = footprint.place;
-    // Elevation is split into whole multiples of a sector's edge and a remainder, like the horizontal axes, so that texture coordinates are as
+    // Elevation is split into whole multiples of a sector's width and a remainder, like the horizontal axes, so that texture coordinates are as
     // accurate on a wall of a high mountain as at sea level.
     let storey = floor(place.position.z / frame.sector_m);
     let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
@@ -187,7 +187,7 @@ fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
 }
 
 // Converts a vector in the plane of the projection to texture coordinates: rotates it by the orientation of the material and scales it.
-// `rate`: cos and sin of the orientation, divided by the edge of one repeat.
+// `rate`: cos and sin of the orientation, divided by the width of one repeat in metres.
 fn terrain_turn(v: vec2<f32>, rate: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(v.x * rate.x + v.y * rate.y, v.y * rate.x - v.x * rate.y);
 }

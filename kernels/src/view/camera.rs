@@ -89,7 +89,8 @@ pub struct View {
     pub sector: IVec2,
     /// Camera position in local coordinates.
     pub camera: DVec3,
-    /// Ray through the centre of pixel (0, 0); its component along the view direction is 1.
+    /// Ray through the sample point of pixel (0, 0), which is the centre of the pixel if there is no jitter. Its component along the view direction
+    /// is 1.
     pub ray_00: DVec3,
     /// Step of the ray from a pixel to its neighbour on the right.
     pub ray_dx: DVec3,
@@ -130,7 +131,7 @@ impl View {
         self.clip_from_local.as_mat4()
     }
 
-    /// The ray of a pixel; whole numbers are pixel centres.
+    /// The ray of a pixel; whole numbers are the sample points of pixels.
     pub fn ray(&self, x: f64, y: f64) -> DVec3 {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }

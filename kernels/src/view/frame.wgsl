@@ -5,7 +5,7 @@ struct Frame {
     clip_from_local: mat4x4<f32>,
     camera: vec3<f32>,          // camera in local coordinates
     sector_m: f32,              // edge of a sector, metres
-    ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0); its component along the view direction is 1
+    ray_00: vec3<f32>,          // ray through the sample point (usually the centre) of pixel (0, 0); its component along the view direction is 1
     near_m: f32,                // distance of the near plane; the stored depth is near_m / distance along the view direction
     ray_dx: vec3<f32>,          // step of the ray per pixel to the right
     height_low_m: f32,          // elevation of the stored height 0, metres
@@ -37,8 +37,9 @@ struct Frame {
     data_high: vec2<f32>,       // north-east corner of the data (of the world, if it is procedural) in local coordinates
 }
 
-// Encodings of the two normals. NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the
-// shading normal relative to it, see normal_pair.wgsl. NORMALS_EXACT: two octahedral encodings in f32, without rounding to integers.
+// Encodings of the two normals that the geometry pass stores for a pixel: the shading normal and the normal of the triangle's plane.
+// NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the shading normal relative to it,
+// see normal_pair.wgsl. NORMALS_EXACT: two octahedral encodings in f32, without rounding to integers.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 

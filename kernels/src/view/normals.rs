@@ -1,4 +1,4 @@
-//! How the two normals of a pixel are stored between the geometry pass and the passes that read them.
+//! How the shading normal of a pixel and the normal of its triangle's plane are stored between the geometry pass and the passes that read them.
 
 use std::fmt;
 use std::str::FromStr;

@@ -452,7 +452,8 @@ impl VirtualTexture {
     }
 
     /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The pass of [`VirtualTexture::encode_requests`]
-    /// must have run. `nodes`: the nodes that the frame may read, each with the revision of its materials.
+    /// must have run. `groups`: the bind groups of the frame and of the terrain data. `nodes`: the nodes that the frame may read, each with the
+    /// revision of its materials.
     ///
     /// # Errors
     /// When the device is lost.
@@ -483,7 +484,7 @@ impl VirtualTexture {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        // The pages are sorted, coarse pages first, so that their layers do not depend on the order of a hash map.
+        // The pages are sorted, coarse pages first, so that layers are assigned in a fixed order.
         wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
         let finest = finest_nodes(nodes);
         for page in &wanted {

@@ -3,7 +3,7 @@
 struct PageJob {
     sector: vec2<i32>,          // sector of the page's south-west corner
     origin: vec2<f32>,          // position of that corner in the sector, metres
-    texel_m: f32,
+    texel_m: f32,               // edge of a texel of this mip level, metres
     border: f32,                // texels of border on each side, at this mip level
 }
 

@@ -317,8 +317,8 @@ impl Generator {
         self.heights_m(x, y)[0]
     }
 
-    /// Elevation without relief finer than about 10 m. Slope and curvature are measured from it, because differences over a few metres
-    /// would treat boulders as cliffs.
+    /// Elevation without thin beds, and without fine relief of wavelengths of 14 m or less. Slope and curvature are measured from this elevation,
+    /// because differences over a few metres would treat boulders as cliffs.
     pub fn broad_height_m(&self, x: f64, y: f64) -> f64 {
         saturate(self.broad(x, y).height)
     }
@@ -360,7 +360,7 @@ impl Generator {
         let room = lift.v / (lift.v + 0.12);
         let mut weight = lift.map(room, 0.12 / ((lift.v + 0.12) * (lift.v + 0.12)));
         let mut amplitude = 860.0;
-        // Gullies run down both sides of a crest and end below it. If they crossed the crest, they would cut notches into it.
+        // Gullies run down both sides of a crest. They are less deep near the crest, so that they do not cut deep notches into it.
         let mut below_crest = 1.0;
         for (octave, k) in self.massifs.iter().zip(0..) {
             let n = warped(octave.noise(px, py));

@@ -189,8 +189,8 @@ fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
     fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
 }
 
-/// The definitions in a folder, sorted by path: its `.toml` files except `scene.toml`, and those that [`save`] wrote in subfolders. If `place` is a
-/// file, returns that file. If `place` does not exist, returns nothing.
+/// The definitions in the folder `place`, sorted by path: the `.toml` files of the folder except `scene.toml`, and those that [`save`] wrote in
+/// subfolders. If `place` is a file, returns that file. If `place` does not exist, returns nothing.
 pub fn definitions(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
@@ -283,7 +283,7 @@ struct Shared {
     said: Mutex<Said>,
 }
 
-/// The output of the process so far.
+/// What is known about the process so far: the parts of its output that the panel needs, and its outcome.
 #[derive(Default)]
 struct Said {
     last: String,

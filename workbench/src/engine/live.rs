@@ -28,7 +28,7 @@ pub struct Live {
     /// The request of the last picture that was measured. A picture of the same frame and pose, for example with another layer, is not measured
     /// again.
     last: Option<RenderRequest>,
-    /// The region for which the metrics were computed last.
+    /// The region of the picture ([`Metrics::region`]) for which the metrics were computed last.
     region: Option<[f32; 4]>,
     history: VecDeque<Reading>,
 }

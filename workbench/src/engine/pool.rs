@@ -2,8 +2,8 @@
 //! shaders for a minute per scene.
 //!
 //! When its window closes, a thread forgets what it drew and measured, but keeps its device and the loaded scene, with shaders, terrain nodes and
-//! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Some counts of a frame do, such as the
-//! number of nodes that were loaded for the frame. Tests that check these counts therefore start a separate thread.
+//! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Some counts of a frame depend on it,
+//! such as the number of nodes that were loaded for the frame. Tests that check these counts therefore start a separate thread.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

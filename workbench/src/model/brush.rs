@@ -128,7 +128,7 @@ impl<'a> Ground<'a> {
 }
 
 /// Returns the slope towards east and north, metres per metre, of the plane that passes through the origin and fits the offsets best (least squares).
-/// Returns zero if the offsets do not determine the plane.
+/// The slope is limited to [`STEEPEST`]. It is zero if the offsets do not determine the plane.
 fn slope(offsets: impl Iterator<Item = DVec3>) -> DVec2 {
     let ([mut xx, mut xy, mut yy], mut rises) = ([0.0_f64; 3], DVec2::ZERO);
     for offset in offsets {

@@ -367,7 +367,7 @@ mod tests {
         let error = take_folder(&mut scene, 0, "nowhere".into()).expect_err("there is none");
         assert!(error.contains("nowhere") && error.contains("albedo, normal, height, roughness"), "{error}");
         fs::create_dir(folder.0.join("rock")).expect("can be made");
-        // Add the images one by one, in different formats. Each time, `take_folder` and the reader of textures report the same first missing image.
+        // Add the images one by one, in different formats. Each time, `take_folder` and the reader of textures report the same missing images.
         let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
         for (i, file) in files.into_iter().enumerate() {
             let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");

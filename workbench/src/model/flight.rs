@@ -105,8 +105,8 @@ fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     pose
 }
 
-/// Turns a pose so that `target` is in the middle of the view. The position changes only if it is straight above or below the target, or if its
-/// distance is not within [`ORBITS_M`].
+/// Turns a pose so that `target` is in the middle of the view. The position changes only if it is almost straight above or below the target (see
+/// `STEEPEST`), or if its distance from the target is not within [`ORBITS_M`].
 pub fn facing(pose: &Pose, target: DVec3) -> Pose {
     let towards = target - pose.position;
     let level_m = towards.truncate().length();
@@ -177,7 +177,7 @@ mod tests {
         assert!((flight.speed_m_s - SPEEDS_M_S[0]).abs() < 1e-9);
     }
 
-    /// Cameras that face a place from near and far: level, from a steep angle, from straight above and from straight below.
+    /// Cameras that face a place from near and far: obliquely from above and from below, from straight above, and from straight below.
     fn orbits() -> impl Iterator<Item = (Pose, DVec3)> {
         let target = DVec3::new(1234.5, -4321.0, 678.9);
         let near = [[0.0, -80.0, 30.0], [0.4, -0.3, 0.2], [-60.0, 1.0, -45.0]];

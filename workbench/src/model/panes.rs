@@ -107,7 +107,8 @@ pub(crate) fn usual() -> Tree<Pane> {
     Tree::new(tree_id(), root, tiles)
 }
 
-/// A pane, or a container of several. Shares are positive and need not add up to 1. A share that is missing or invalid counts as 1.
+/// An arrangement: a pane, or a container of further arrangements. The shares of a container are positive and need not add up to 1. A share that is
+/// missing or invalid counts as 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Layout {

@@ -72,11 +72,11 @@ pub struct Second {
     pub difference: Option<Vec<[u8; 3]>>,
     /// Root mean squared difference between A and B in lit linear colour, over the pixels that show terrain.
     pub rmse: f64,
-    /// Mean of A - B in luminance, over the pixels that show terrain.
+    /// Mean of A - B in the luminance of the lit linear colour, over the pixels that show terrain.
     pub mean: f64,
-    /// Largest absolute difference between A and B in luminance, over the pixels that show terrain.
+    /// Largest absolute difference between A and B in the luminance of the lit linear colour, over the pixels that show terrain.
     pub largest: f64,
-    /// The picture and its numbers.
+    /// The rendered picture: linear radiance, layers, pass times and counts.
     pub picture: Picture,
 }
 
@@ -92,7 +92,7 @@ pub struct Shown {
     pub legend: Legend,
     /// Whether the picture is a first look: a preview that is drawn with small textures on coarse terrain.
     pub draft: bool,
-    /// The picture and its numbers.
+    /// The rendered picture: linear radiance, layers, pass times and counts.
     pub picture: Picture,
     /// B, if it was requested.
     pub second: Option<Second>,
@@ -150,7 +150,8 @@ pub struct News {
     pub loaded: Option<u32>,
     /// [`Wish::opened`] of the last scene, if it could not be loaded; `failure` says why. `None` = it was loaded, or is being loaded.
     pub unloaded: Option<u32>,
-    /// Why the shaders in the watched folder are not in use; one line with file, line and message. The last shaders that compiled stay in use.
+    /// Why the shaders in the watched folder are not in use, in one line. If a shader does not compile, the text gives file, line number and message,
+    /// and the last shaders that compiled stay in use. If the device failed with the shaders of the folder, the shaders of the program are used.
     pub shader_error: Option<String>,
     /// Whether shaders are in use that differ from those of the program.
     pub shaders_edited: bool,

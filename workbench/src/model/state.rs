@@ -81,7 +81,7 @@ pub struct Model {
     pub(crate) news: News,
     /// The current settings: everything that decides how the terrain looks.
     pub settings: Settings,
-    /// The scene as it was loaded; a reset restores values from it.
+    /// The scene as it was loaded, or last saved as a file; a reset restores values from it.
     pub(crate) original: Scene,
     /// The comparison of A with B.
     pub compare: Compare,

@@ -189,7 +189,7 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
             let button = ui.add_enabled(idle && lacks.is_none(), Button::new(format!("Run {}", experiment::name(file))));
             let why = lacks.as_deref().unwrap_or("Another run is in progress: wait for it, or cancel it");
             let button = button.on_disabled_hover_text(why);
-            if button.on_hover_text(format!("{}. If an earlier run of it was stopped, this continues that run.", file.display())).clicked() {
+            if button.on_hover_text(format!("{}. If an earlier run of it was stopped, that run continues.", file.display())).clicked() {
                 wanted = Some(file);
             }
         }

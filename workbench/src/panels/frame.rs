@@ -37,7 +37,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Drawn and read back",
-            "Wall-clock time from the request to the picture on the CPU, including the world's streaming",
+            "Wall-clock time from the start of drawing to the finished picture on the CPU, including the loading of terrain nodes",
             format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
         );
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();

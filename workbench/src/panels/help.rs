@@ -13,7 +13,7 @@ const KEYS: [(&str, &str); 22] = [
     ("Q E", "down, up"),
     ("wheel", "speed"),
     ("F", "walk on the ground, or fly"),
-    ("O", "orbit: a drag turns the camera about the inspected pixel or the middle of the picture, the wheel zooms"),
+    ("O", "orbit: a drag turns the camera about the inspected pixel or the middle of the picture, the wheel moves it closer or away"),
     ("C", "freeze culling: fly away to see what is culled"),
     ("1 - 5", "force a flavour, or no longer force it"),
     ("0", "choose the variant of each tile automatically"),

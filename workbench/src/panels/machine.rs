@@ -26,7 +26,7 @@ const LEVEL_COLOURS: [[u8; 3]; LODS as usize] =
 
 /// State of the panel.
 pub(crate) struct MachinePanel {
-    /// Length of an edge of the map, metres.
+    /// Length of a side of the map, metres.
     span_m: f64,
 }
 
@@ -115,7 +115,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
 struct Map {
     /// Centre of the map, world metres.
     centre: DVec2,
-    /// Length of an edge, metres.
+    /// Length of a side, metres.
     span_m: f64,
     /// The rectangle of the map on the screen.
     rect: Rect,

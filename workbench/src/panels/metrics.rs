@@ -28,7 +28,7 @@ const QUANTITIES: [Quantity; 6] = [
     Quantity {
         name: "Residual",
         about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point. If B is the full blend, this \
-                is the flicker that A has but B does not have. None if B is not drawn.",
+                is the change that only one of A and B has. None if B is not drawn.",
         of: |s| s.residual,
     },
     Quantity {

@@ -7,15 +7,16 @@ use super::{choose, outcome};
 use crate::model::editing::usual_rules;
 use crate::model::state::Model;
 
-/// Describes a band: a range of one quantity of the ground (height, slope or curvature). A rule with a band has no weight far outside of the range.
+/// Describes a band: a range of one quantity of the ground (height, slope or curvature). Outside of the range, the weight of the rule falls to 0 over
+/// a distance that is called the fade.
 struct Band {
     name: &'static str,
     unit: &'static str,
-    /// Limits of the ends of the range that a scene file accepts: smallest and largest.
+    /// Smallest and largest value of an end of the range that a scene file accepts.
     limits: [f64; 2],
     /// The range that a band has when the user switches it on. It is so wide that it usually changes nothing.
     whole: [f64; 2],
-    /// Limit of the fade that a scene file accepts.
+    /// Largest fade that a scene file accepts, in the unit of the quantity.
     most_fade: f64,
     /// Change of an end of the range per point of a drag.
     speed: f64,

@@ -44,7 +44,7 @@ fn timed(report: &FrameReport) -> Vec<Timed> {
     timed
 }
 
-/// Prefix of the names of passes that shade one variant.
+/// Prefix of the names of passes that shade with one kernel: a variant or the generic kernel.
 pub(super) const PASS: &str = "shading: ";
 
 /// Number of fetches per pixel that a variant should take with the current estimator.
@@ -226,7 +226,7 @@ fn of_normals(name: &str) -> &'static str {
     match name.parse() {
         Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the normal of the triangle, as in Far Cry 5",
         Ok(NormalEncoding::PlaneFirst) => {
-            "32 bits: steps of the triangle's normal 8 times finer than in Far Cry 5 if both normals are near each other; shading normal as in Far Cry 5"
+            "32 bits: the shading normal as in Far Cry 5; the triangle's normal in steps that are 8 times finer, if it is near the shading normal"
         }
         Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the other encodings",
         Err(_) => "",

@@ -202,7 +202,7 @@ fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     svg
 }
 
-/// Prepares the SVG for the page: removes its fixed size, adds a name for screen readers, and appends `over`.
+/// Prepares the SVG for the page: removes its fixed size, adds a name for screen readers, and appends `over`, the result of [`overlay`].
 fn inline(svg: &str, title: &str, over: &str) -> String {
     let named = format!("<svg role=\"img\" aria-label=\"{}\"", escape(title));
     let start = svg.find(" viewBox").map_or(svg, |at| &svg[at..]);

@@ -19,6 +19,7 @@ pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\">
     <span class=\"entry\"><span class=\"key front\"></span>Pareto front (the table names the points without a label)</span>";
 
 /// If a plot has more points than this, only the labels of points on the Pareto front are always shown. Other labels are shown if there is room.
+/// Combinations of flavours that are not on the front never have a label.
 const MANY: usize = 40;
 
 /// The shape, size and colour of a point.

@@ -56,7 +56,8 @@ impl Candidate<'_> {
 
 /// Reads the channel that contains the heights. This is the channel that the user names, or else the one whose part, layer or name says so.
 /// Otherwise it is the only channel apart from alpha, or the only luminance, depth or value in a file without colours. If red, green and
-/// blue are the only channels and equal in all pixels, red is read. In all other cases, the file is refused with the list of its channels.
+/// blue are the only channels apart from alpha, and are equal in all pixels, red is read. In all other cases, the file is refused with the
+/// list of its channels.
 /// A sample has no data where the alpha of its part and layer is 0.
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;

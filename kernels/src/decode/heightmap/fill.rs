@@ -20,7 +20,8 @@ pub(super) fn fill(samples: &mut [f32], void: &[bool], width: usize) {
     descend(samples, void, width, still);
 }
 
-/// Fills a grid: guesses its gaps from the next coarser grid, then relaxes them.
+/// Fills a grid: guesses its gaps from the next coarser grid, then relaxes them by sweeps. The sweeps end when no sample changes by more than
+/// `still`, metres.
 fn descend(samples: &mut [f32], void: &[bool], width: usize, still: f32) {
     let height = samples.len() / width;
     if !void.contains(&true) || samples.len() <= 1 {

@@ -30,7 +30,7 @@ pub(super) struct Coding {
 /// Decodes a stream. Returns the samples of the first `kept` columns and rows, row by row.
 ///
 /// # Errors
-/// The stream is damaged or too short, or it is larger than 256 MiB.
+/// The stream is damaged or too short, or the decoded rows are larger than 256 MiB.
 pub(super) fn decode(stream: &[u8], coding: Coding, kept: [usize; 2]) -> Result<DecodingResult, Fault> {
     let too_short = || Fault::Damaged("an LZW stream ends too early".to_owned());
     let sample_bytes = coding.depth.bits() as usize / 8;

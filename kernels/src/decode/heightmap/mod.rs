@@ -170,7 +170,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
 /// Returns a note if there is a file with metadata of GDAL beside a heightmap (`.aux.xml`).
 ///
 /// # Errors
-/// These metadata say what the samples mean, there is a mask (`.msk`), or the metadata cannot be read.
+/// These metadata say what the samples mean, cannot be read, or have more than [`LARGEST_METADATA`] bytes; or there is a mask (`.msk`).
 fn note_of_metadata_beside(path: &Path) -> Result<Option<String>> {
     let beside = |suffix: &str| {
         let mut name = path.as_os_str().to_owned();
@@ -215,7 +215,7 @@ fn note_of_metadata_beside(path: &Path) -> Result<Option<String>> {
 /// Reads a heightmap from the contents of a file. `path` is used in messages, and its extension determines the format, as in [`read`].
 ///
 /// # Errors
-/// The same errors as [`read`].
+/// The same errors as [`read`], except those about files beside the heightmap, which this function does not look for.
 pub fn decode(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) -> Result<Reading> {
     understand(input, path, options).map_err(|fault| match fault {
         Fault::Io(source) => Error::File { file: path.to_owned(), source },

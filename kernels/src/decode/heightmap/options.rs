@@ -17,8 +17,8 @@ pub struct ReadOptions {
     /// file is an error.
     pub metres_per_texel: Option<f64>,
     /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
-    /// the float samples 0 and 1 if all samples lie in 0..=1. Required for integer samples if the file does not state what they mean. All
-    /// other float samples are metres, and a range is then an error.
+    /// the float samples 0 and 1 if all samples lie in 0..=1. Required for 16-bit integers if the file does not state what they mean; 32-bit
+    /// integers are refused in this case. All other float samples are metres, and a range is then an error.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,

@@ -93,7 +93,7 @@ impl Stored {
     }
 
     /// Whether a sample equals a value that was written as text. The two are compared in the type of the sample. Texts of huge numbers are
-    /// often shortened, for example to -3.40282e+38, so huge numbers need only agree in five digits.
+    /// often shortened, for example to -3.40282e+38, so numbers from 1e30 on need only agree in five digits.
     pub(super) fn is(&self, sample: f64, value: f64) -> bool {
         let is_equal = match self {
             Stored::Single(_) => sample as f32 == value as f32,
@@ -154,7 +154,7 @@ pub(super) fn turn<T>(samples: &mut [T], width: usize, rows: bool, columns: bool
     }
 }
 
-/// Cuts the window x, y, width, height out of an image that is `width` wide.
+/// Cuts a window (x, y, width, height) out of an image. `width` is the number of columns of the image.
 pub(super) fn crop<T: Copy>(samples: Vec<T>, width: u32, [x, y, w, h]: [u32; 4]) -> Vec<T> {
     let (width, x, y, w, h) = (width as usize, x as usize, y as usize, w as usize, h as usize);
     if w == width && y == 0 && samples.len() == w * h {

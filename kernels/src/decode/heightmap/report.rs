@@ -13,7 +13,7 @@ pub struct Report {
     pub window: [u32; 4],
     /// Distance between samples, metres.
     pub spacing_m: f64,
-    /// Origin of the distance.
+    /// Where the distance is stated: in the file or by the user.
     pub spacing_from: String,
     /// Lowest and highest sample with data, as they are stored.
     pub stored: [String; 2],

@@ -31,7 +31,7 @@ pub(super) enum Spacing {
 pub(super) struct Resolved {
     /// The distance, metres, above 0 and at most 100 000.
     pub(super) metres: f64,
-    /// Origin of the distance, in words.
+    /// Where the distance is stated, in words: in the file or by the user.
     pub(super) from: String,
     /// A note for the user.
     pub(super) note: Option<String>,

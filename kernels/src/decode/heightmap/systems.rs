@@ -23,7 +23,7 @@ const VERTICAL_FEET: [(u16, u16); 10] = [
 ];
 
 /// Whether the unit of a projected system (EPSG) is known to be the metre, from its code: UTM on WGS 84, ETRS89 and NAD83, the systems of the
-/// European Union, France, Great Britain, Switzerland and the Netherlands, and web maps.
+/// European Union, France, Great Britain, Switzerland and the Netherlands, and [`WORLD_MERCATOR`].
 pub(super) fn is_metric(system: u16) -> bool {
     WORLD_MERCATOR.contains(&system)
         || matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992)

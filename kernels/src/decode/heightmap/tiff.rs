@@ -504,7 +504,8 @@ fn photometric_bytes<R: Read + Seek>(file: &mut File<R>, directory: IfdPointer) 
     Ok(patches)
 }
 
-/// Reads the samples of a window of the current image of the file, and marks those in missing strips and tiles.
+/// Reads the samples of a window of the current image of the file. Samples in missing strips and tiles are marked as absent if the file names a
+/// no-data value. Otherwise they are 0, and a note says so.
 fn samples<R: Read + Seek>(
     file: &mut File<R>,
     description: &Description,

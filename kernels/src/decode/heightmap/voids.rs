@@ -10,14 +10,14 @@ use crate::decode::fault::Fault;
 const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
 /// The marker of 16-bit unsigned integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;
-/// A value of `MARKERS` counts as a marker only if its distance from all other samples is more than this share of their range. So real
-/// ground at -9999 dm is kept, because there is also ground at -9998 dm.
+/// A value that often marks missing data counts as a marker only if it is below or above all other samples by more than this share of their
+/// range. So real ground at -9999 dm is kept, because there is also ground at -9998 dm.
 const MARKER_GAP: f64 = 1.0 / 64.0;
 
 /// A sample whose absolute value is at least this is no elevation in any unit.
 const HUGE: f64 = 1e10;
 
-/// Number of samples from which quartiles are estimated.
+/// Largest number of samples from which quartiles are estimated.
 const SURVEYED: usize = 1 << 16;
 /// Samples that lie more than this many interquartile ranges outside the quartiles are far outside (the outer fences of Tukey, *Exploratory Data
 /// Analysis*, 1977).
@@ -150,7 +150,7 @@ fn markers(depth: Depth) -> impl Iterator<Item = f64> {
     usual.chain(unsigned).chain(ends)
 }
 
-/// Refuses values that usually mark missing data, if their distance from all other samples exceeds [`MARKER_GAP`].
+/// Refuses values that usually mark missing data, if a gap of [`MARKER_GAP`] separates them from all other samples.
 fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     let stored = &raster.stored;
     let mut marks: Vec<(f64, Cause)> =
@@ -186,12 +186,12 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     )))
 }
 
-/// Returns a remark about samples that are far from all others, if there are such samples on either side.
+/// Returns a remark about samples that are far below or far above all others; `None` if there are none.
 ///
 /// Samples are far from the others if they lie outside the outer fences, which are three interquartile ranges beyond the quartiles, and if
 /// there is a gap of at least three interquartile ranges between them and all samples inside. Steep ground has no such gap: its samples lie
 /// on both sides of a fence. If so many samples equal the median that the quartiles are equal, these samples are left out of the estimate.
-/// At most a quarter of the samples can be found in this way.
+/// At most a quarter of the samples can be found in this way below the others, and at most a quarter above.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));

@@ -41,7 +41,7 @@ pub(super) enum Encoding {
     Codes,
     /// Like [`Encoding::Codes`], but colours are linear values to the power of this number.
     Gamma(f64),
-    /// Floats: linear, of any size.
+    /// Floats: linear, of any magnitude.
     Floats,
 }
 

@@ -44,7 +44,7 @@ pub struct Map {
 /// # Errors
 /// If the file is not a readable image, is not square, or is larger than 8192 texels per side; if its values cannot be those of the map, such as a
 /// normal map in grey, a roughness map in colour, or floats far outside 0..1; or if the file states a property that cannot be applied, such as a
-/// rotation, a cropped data window or other primaries.
+/// rotation, a cropped data window or primaries that form no colour space.
 pub fn read(input: impl BufRead + Seek, path: &Path, reading: Reading) -> Result<Map> {
     let file = || PathBuf::from(shown(path));
     let want = match reading {
@@ -195,8 +195,8 @@ fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
 
 /// Whether the values are n itself rather than (n + 1) / 2. Values that are neither are refused.
 ///
-/// Floats are n itself if x or y is negative, or if the mean of x and y is nearer to 0 than to 0.5. The mean of n is near 0, because a
-/// texture is flat on average.
+/// Floats are n itself if an x or y is below -[`OVERSHOOT`], or if the mean of all x and y is nearer to 0 than to 0.5. The mean of n is near
+/// 0, because a texture is flat on average.
 fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     let is_signed = stored.encoding == Encoding::Floats && {
         let sum = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>();
