@@ -348,20 +348,25 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
 /// Checks that the colours of all pixels are finite; `None` if no choice has the metric. A pixel whose colour is not finite is in no metric, so the
 /// metrics of its choice do not describe the whole picture.
 fn invalid(table: &Table) -> Option<Check> {
-    let mut counts: Vec<(&Summary, Signal, f64)> = Vec::new();
+    let mut counts: Vec<(String, Signal, f64)> = Vec::new();
+    for reference in &table.references {
+        let of_setting =
+            if reference.setting.is_empty() { String::new() } else { format!(", {} = {}", table.parameter, reference.setting) };
+        counts.push((format!("reference, {}{of_setting}", reference.view), reference.signal, reference.invalid));
+    }
     for summary in &table.summaries {
-        counts.extend(table.signals.iter().map(|&signal| (summary, signal, summary.value(INVALID.of(signal)))));
+        counts.extend(table.signals.iter().map(|&signal| (table.place(&summary.key), signal, summary.value(INVALID.of(signal)))));
     }
     counts.retain(|(.., count)| !count.is_nan());
     if counts.is_empty() {
         return None;
     }
-    let named = |(summary, signal, count): &(&Summary, Signal, f64)| {
-        format!("{}, {}: {}", table.place(&summary.key), signal.name(), number(*count))
-    };
+    let named = |(place, signal, count): &(String, Signal, f64)| format!("{place}, {}: {}", signal.name(), number(*count));
     let found: Vec<String> = counts.iter().filter(|(.., count)| *count > 0.0).map(named).collect();
     if found.is_empty() {
-        return Some((Mark::Passes, "every pixel of every choice has a finite colour".to_owned()));
+        // Runs of earlier versions do not count the pixels of references.
+        let counted = if table.references.iter().any(|reference| reference.invalid.is_finite()) { " and reference" } else { "" };
+        return Some((Mark::Passes, format!("every pixel of every choice{counted} has a finite colour")));
     }
     let pictures = if found.len() == 1 { "sequence has" } else { "sequences have" };
     Some((

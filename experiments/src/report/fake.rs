@@ -217,6 +217,7 @@ impl Rows {
         };
         self.put(&base, "reference_spp", "samples", 64.0, None);
         self.put(&base, "reference_se", "linear albedo", standard_error, None);
+        self.put(&base, "invalid_px", "px", 0.0, None);
         self.put(&Row { lag: Some(1), ..base.clone() }, "reference_difference", "luminance", 0.0011, None);
     }
 

@@ -172,6 +172,11 @@ fn faults() -> Vec<Fault> {
             run.rows.iter_mut().find(is_count).expect("every choice has this metric").value = pixels;
         };
         add("invalid", &format!("an invalid pixel, {signal}"), [0.0, 1.0], Fails, Box::new(invalid));
+        let of_reference = move |run: &mut RunData, pixels: f64| {
+            let is_count = |row: &&mut Row| row.metric == "invalid_px" && row.variant == "reference" && row.signal == signal;
+            run.rows.iter_mut().find(is_count).expect("every reference has this metric").value = pixels;
+        };
+        add("invalid", &format!("an invalid pixel of the reference, {signal}"), [0.0, 1.0], Fails, Box::new(of_reference));
     }
     // A row without a number, in a metric that no other check reads.
     let number = |run: &mut RunData, value: f64| row(run, "ssim", "splat").value = value;

@@ -305,6 +305,8 @@ pub(super) struct ReferenceFacts {
     /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
     /// passes through the same resolve.
     pub(super) differences: BTreeMap<String, f64>,
+    /// Number of terrain pixels of the reference sequence whose colour is not finite; NaN = it was not counted.
+    pub(super) invalid: f64,
 }
 
 impl ReferenceFacts {
@@ -365,7 +367,7 @@ impl Shading {
 pub(super) struct Table {
     pub(super) summaries: Vec<Summary>,
     pub(super) references: Vec<ReferenceFacts>,
-    /// The values that occur in each column.
+    /// The values that occur in the column `view`. The next five fields have those of other columns.
     pub(super) views: Vec<String>,
     pub(super) variants: Vec<String>,
     pub(super) estimators: Vec<String>,
@@ -595,6 +597,7 @@ impl Table {
                 spp: own(metrics::REFERENCE_SPP, ""),
                 standard_error: own(metrics::REFERENCE_SE, signal.name()),
                 differences: numbers.keys().filter_map(difference).collect(),
+                invalid: own(metrics::INVALID_PX, signal.name()),
                 smallest_rmse: errors.min_by(f64::total_cmp).unwrap_or(f64::NAN),
                 view: view.clone(),
                 setting: setting.clone(),
@@ -674,7 +677,8 @@ impl Table {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Returns the numbers of unstable and of timed choices among `rows`.
+    /// Returns the number of choices among `rows` whose shading time is unstable, and the number of timed choices. Times of other rounds than those
+    /// of the base are not counted in either number ([`Shading::is_interleaved`]).
     pub(super) fn unstable(&self, rows: &[usize]) -> (usize, usize) {
         let timed: Vec<Shading> = rows.iter().filter_map(|&i| self.shading(i)).filter(|shading| shading.is_interleaved).collect();
         (timed.iter().filter(|shading| shading.is_unstable()).count(), timed.len())

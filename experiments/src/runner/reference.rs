@@ -7,8 +7,8 @@
 //! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points
 //! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
 //! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the
-//! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. Without a temporal resolve, no shading is expected
-//! to have a smaller error than that blend.
+//! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel, or until the definition's `reference.max_spp` is
+//! reached. Without a temporal resolve, no shading is expected to have a smaller error than that blend.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -79,7 +79,7 @@ pub(super) struct Changes {
     /// For each frame, the mean absolute difference in luminance from each of the four previous frames. `None` if the frame is not
     /// measured, if the earlier frame does not exist, or if no terrain point is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
-    /// 95th percentile of the difference in luminance from the previous frame, over all frames.
+    /// 95th percentile of the absolute difference in luminance from the previous frame, over all measured frames.
     pub(super) p95: Option<f64>,
 }
 
@@ -271,8 +271,8 @@ fn sample_point(batch: u32, i: u32) -> [f64; 2] {
 }
 
 impl Runner<'_> {
-    /// Renders the reference of a view at its last frame. The differences between frames are measured in a sequence of 96-fetch pictures with one
-    /// sample per pixel.
+    /// Renders the reference sequences of a view, and its converged reference at the last frame. Stores their pictures. Returns rows that say how
+    /// accurate the converged reference is, how the sequences change from frame to frame, and how many of their pixels are invalid.
     pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let (gpu, definition) = (self.gpu, self.definition);
         let stage = self.stage.as_mut().context("the renderer was not prepared")?;
@@ -292,7 +292,8 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
-        let mut invalid = 0;
+        // For each signal.
+        let mut invalid = vec![0u64; signals.len()];
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
             let tracks: Vec<Track> =
@@ -310,7 +311,10 @@ impl Runner<'_> {
                     let shaded = renderer.draw_flavours(&request, splat, &stage.layers)?;
                     let (sums, _) = shaded.measure(&stage.layers, &mut meter, &vec![Some(splat); tracks.len()])?;
                     for (stream, sums) in sums.iter().enumerate() {
-                        invalid += sums.invalid;
+                        // The first tracks are those of one resolve. The other resolves get the same shaded pixels.
+                        if let Some(count) = invalid.get_mut(stream) {
+                            *count += sums.invalid;
+                        }
                         let picture = meter.picture(gpu, stream, 0)?;
                         add(&picture)?;
                         // Videos show the last signal, which is the lit picture, if it is measured.
@@ -369,9 +373,10 @@ impl Runner<'_> {
             unit.view
         );
         let (albedo, lit) = (all.albedo.mean(), all.lit());
-        if invalid > 0 {
+        let most_invalid = invalid.iter().copied().max().unwrap_or(0);
+        if most_invalid > 0 {
             eprintln!(
-                "note: view `{}`: {invalid} pixels of the reference sequence have a colour that is not finite; nothing is compared with them",
+                "note: view `{}`: {most_invalid} pixels of the reference sequence have a colour that is not finite; nothing is compared with them",
                 unit.view
             );
         }
@@ -418,7 +423,8 @@ impl Runner<'_> {
         labels.put(&mut rows, "reference", metrics::REFERENCE_SPP, last, f64::from(record.spp), None)?;
         let terrain = all.terrain.iter().filter(|on| **on).count() as f64 / all.terrain.len() as f64;
         labels.put(&mut rows, "reference", metrics::TERRAIN, last, terrain, None)?;
-        for &signal in &signals {
+        for (&signal, &pixels) in signals.iter().zip(&invalid) {
+            labels.put_of(&mut rows, "reference", signal, metrics::INVALID_PX, Mark::default(), pixels as f64, None)?;
             if let Some(error) = record.standard_error.get(signal.name()) {
                 labels.put_of(&mut rows, "reference", signal, metrics::REFERENCE_SE, last, *error, None)?;
             }
