@@ -13,7 +13,8 @@ use crate::base::error::one_line;
 
 /// A file whose header has been read.
 pub struct Opened<'a> {
-    /// Gives the size and the metadata, and decodes the pixels. It allocates at most 512 MiB.
+    /// Gives the size and the metadata, and decodes the pixels. For PNG, it allocates at most 512 MiB, apart from the buffer of the caller. For
+    /// JPEG, there is no limit of memory.
     pub decoder: Box<dyn ImageDecoder + 'a>,
     /// What a PNG says about its colours; nothing for JPEG.
     pub colours: Colours,
@@ -22,13 +23,13 @@ pub struct Opened<'a> {
 /// Opens a file of this format.
 ///
 /// # Errors
-/// [`Fault::Io`]: the operating system cannot read the file. [`Fault::Damaged`]: its header is damaged, or a JPEG is truncated.
-/// [`Fault::Unsupported`]: the format is neither PNG nor JPEG, or the file uses a feature that the decoder does not support.
-/// [`Fault::TooLarge`]: a row of pixels is too large.
+/// [`Fault::Io`]: the operating system cannot read the file. [`Fault::Damaged`]: the header is damaged, or a JPEG is truncated.
+/// [`Fault::Unsupported`]: the format is neither PNG nor JPEG, or the file uses a feature that the decoder does not support. [`Fault::TooLarge`]: the
+/// metadata or a row of pixels of a PNG exceed 64 MiB, or the file exceeds another limit of the decoder.
 pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Result<Opened<'a>, Fault> {
     let mut opened = match format {
         ImageFormat::Png => {
-            let colours = Colours::of_png(&mut input).map_err(|error| Fault::Damaged(one_line(&error.to_string())))?;
+            let colours = Colours::of_png(&mut input).map_err(unreadable)?;
             input.rewind().map_err(Fault::of_io)?;
             let decoder = PngDecoder::with_limits(input, Limits::default()).map_err(undecodable)?;
             Opened { decoder: Box::new(decoder), colours }
@@ -44,6 +45,17 @@ pub fn open<'a>(mut input: impl BufRead + Seek + 'a, format: ImageFormat) -> Res
     };
     opened.decoder.set_limits(Limits::default()).map_err(undecodable)?;
     Ok(opened)
+}
+
+/// Converts an error of the decoder of PNG headers.
+fn unreadable(error: png::DecodingError) -> Fault {
+    match error {
+        png::DecodingError::IoError(source) => Fault::of_io(source),
+        png::DecodingError::LimitsExceeded => {
+            Fault::TooLarge("a row of pixels or its metadata take more than 64 MiB: resize it, or save it without metadata".to_owned())
+        }
+        other => Fault::Damaged(one_line(&other.to_string())),
+    }
 }
 
 /// Converts an error of a decoder of pictures. The remedies in the text suit pictures, but not heightmaps.
@@ -80,6 +92,12 @@ mod tests {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }
         }
+        // The rows of this PNG have 120 MB.
+        let mut header = Vec::new();
+        let mut encoder = png::Encoder::new(&mut header, 30_000_000, 1);
+        encoder.set_color(png::ColorType::Rgba);
+        drop(encoder.write_header().expect("memory"));
+        assert!(matches!(open(Cursor::new(&header), ImageFormat::Png), Err(Fault::TooLarge(_))));
         assert!(matches!(open(Cursor::new(b"GIF89a"), ImageFormat::Gif), Err(Fault::Unsupported(_))));
     }
 }
