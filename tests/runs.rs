@@ -141,7 +141,25 @@ fn frames_that_warm_up_are_drawn_but_not_measured() {
     assert!(compared > 100, "{compared}");
 }
 
-/// Checks the PNG sequences of the run. Each is compared with the reference sequence of the same resolve, by the command lines in its `judge.txt`.
+/// The virtual texture draws no random numbers, so its rows are the same for every noise and are measured once.
+#[test]
+fn variants_without_random_numbers_have_rows_for_every_noise() {
+    let folder = Folder::new("no-noise");
+    let [definition, out] = prepare(&folder);
+    let text = TEXT.replace("\"near-cliff\", \"splat\", \"auto\"", "\"vt\"").replace("video = true", "");
+    let text = &text[..text.find("[[expect]]").expect("the definition has an expectation")];
+    fs::write(&definition, text).expect("writable");
+    success(&["run", &definition, "--out", &out]);
+    let rows = read_run(&Path::new(&out).join("tiny")).expect("the run is read back").rows;
+    let of = |noise: &str| -> Vec<Row> {
+        rows.iter().filter(|row| row.noise == noise).map(|row| Row { noise: String::new(), ..row.clone() }).collect()
+    };
+    assert!(of("hashed").len() > 100, "{}", of("hashed").len());
+    assert_eq!(of("hashed"), of("white"));
+}
+
+/// Checks the PNG sequences and the links that the run wrote. The `judge.txt` of a sequence must contain command lines that compare it with the reference
+/// sequence of the same resolve; they are not run here.
 fn check_videos(video: &Path) {
     let frame = |sequence: &str, frame: u32, of: &str| fs::read(video.join(sequence).join(format!("{frame:04}.{of}")));
     for resolve in ["off", "exponential"] {
@@ -208,6 +226,23 @@ fn a_run_is_the_same_killed_and_resumed() {
     success(&["run", &definition, "--out", &killed, "--resume"]);
     assert!(bytes(&killed) == *expected, "the tables differ after the run was done again");
     assert!(fs::read(&reference).expect("made again").len() > 100, "the reference was not made again");
+}
+
+/// A view of the sky cannot be measured. The definition must change, so the error does not offer to continue the run.
+#[test]
+fn a_view_without_terrain_is_refused() {
+    let folder = Folder::new("sky");
+    let [definition, out] = prepare(&folder);
+    let scene = fs::read_to_string(folder.path("scene.toml")).expect("readable");
+    let up = scene.replacen("pitch_deg = 5.0", "pitch_deg = 80.0", 1);
+    assert_ne!(up, scene);
+    folder.write("scene.toml", &up);
+    let output = Command::new(program()).args(["run", &definition, "--out", &out]).output().expect("the program can be started");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let last = said.lines().last().unwrap_or_default();
+    assert!(last.starts_with("error: ") && last.contains("view `cliff-sideways` shows no terrain in its last frame"), "{said}");
+    assert!(last.contains("needs another --out") && !last.contains("--resume"), "{said}");
 }
 
 #[test]

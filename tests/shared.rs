@@ -104,7 +104,7 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
 /// Side of a sector, metres.
 const SECTOR_M: f64 = 64.0;
 
-/// Returns a random place near a sector 1000 km from the origin. Its footprint is between 2^-17 and 2^6 m wide, so that all scales of cells occur.
+/// Returns a random place near a sector 1000 km from the origin. Its footprint is between 2^-17 and 2^6 m wide, so that hashed noise uses cells of every scale.
 fn far_place(i: u32) -> HashedPoint<f64> {
     let mut random = Random(u64::from(i) << 20);
     let mut sector = |around: i32| around + random.below(8192) as i32 - 4096;

@@ -602,7 +602,7 @@ fn metric(text: &str) -> Result<Metric, String> {
 }
 
 fn pixels_per_degree(text: &str) -> Result<f32, String> {
-    let [low, high] = flip::PIXELS_PER_DEGREE_RANGE;
+    let [low, high] = crate::metrics::PIXELS_PER_DEGREE_RANGE;
     text.parse().ok().filter(|n| (low..=high).contains(n)).ok_or_else(|| format!("must be a number in {low}..={high}"))
 }
 

@@ -98,6 +98,14 @@ impl Sequence {
         self.first_seen().is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
     }
 
+    /// Returns the number of frames from which on the memory of the eye is filled ([`Sequence::is_memory_filled`]), with the same frames to warm up.
+    pub fn frames_to_fill(self, adaptation: f64) -> u32 {
+        // Perceived noise is first measured in the second half. So twice the frames that fill the memory are always enough.
+        let certain = (2.0 * FILLED / adaptation).ceil() as u32;
+        let short = (1..=certain).rev().find(|&frames| !Sequence { frames, ..self }.is_memory_filled(adaptation));
+        short.map_or(1, |frames| frames + 1)
+    }
+
     /// First frame whose perceived noise may be measured.
     fn seen_from(self) -> u32 {
         (self.frames / 2).max(self.warm_up).min(self.frames.saturating_sub(1))
@@ -108,6 +116,10 @@ impl Sequence {
         ((self.frames - self.seen_from()) / SEEN).max(1)
     }
 }
+
+/// The accepted range of the number of pixels per degree of the viewer's field of view. Below this range, the feature filters of FLIP are narrower than
+/// a pixel. Above it, no display has so many pixels per degree at a usual distance, and the filters become more than 100 pixels wide.
+pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
 /// A metric.
 #[derive(Clone, Copy, Debug)]
@@ -216,7 +228,7 @@ metrics! {
     PERCEIVED_NOISE = "perceived_noise", "linear luminance", Frames, None, Each,
         "Error against the reference sequence after the eye's filters in time, along exact motion, and in space; root mean square.";
     INVALID_PX = "invalid_px", "px", Picture, None, Each,
-        "Number of terrain pixels, over all frames, whose colour is not finite; no other metric includes them.";
+        "Number of terrain pixels, over all measured frames, whose colour is not finite; no other metric includes them.";
     CLUMPING = "clumping", "1", Seeds, None, Albedo,
         "Variance of block means of the noise, divided by that of white noise with the same variance; 1 = white noise, above 1 = blotches.";
     POWER = "power", "1", Seeds, Frequency, Albedo,
@@ -370,6 +382,14 @@ mod tests {
         );
         assert!(whole(9).is_memory_filled(adaptation(30.0)) && !whole(9).is_memory_filled(adaptation(60.0)));
         assert!(Sequence { frames: 15, warm_up: 10 }.is_memory_filled(adaptation(60.0)), "all measured frames come after the 10th");
+        for fps in [1.0, 24.0, 30.0, 60.0, 120.0, 1000.0].map(adaptation) {
+            let enough = whole(5).frames_to_fill(fps);
+            assert!(
+                (enough..1000).all(|frames| whole(frames).is_memory_filled(fps)) && !whole(enough - 1).is_memory_filled(fps),
+                "{enough}"
+            );
+        }
+        assert_eq!([30.0, 60.0].map(|fps| whole(5).frames_to_fill(adaptation(fps))), [9, 16]);
         // Returns the root mean square of the memory after `n` frames of noise that is independent in each frame and has a variance of 1.
         let root = |a: f64, n: u32| {
             let step = |variance: f64, n: u32| {

@@ -39,6 +39,18 @@ pub(crate) fn error_line(error: &anyhow::Error) -> String {
     one_line(&chain.join(": "))
 }
 
+/// An error whose cause is the definition of a run. It does not help to continue the run, because the definition must change.
+#[derive(Debug)]
+pub(crate) struct Unfit(pub(crate) String);
+
+impl std::fmt::Display for Unfit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Unfit {}
+
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Makes Ctrl-C request a clean stop, which [`check_interrupted`] reports. A second Ctrl-C ends the process immediately.

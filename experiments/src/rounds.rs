@@ -58,7 +58,7 @@ impl Estimate {
         Some(Estimate { value, half_width: rank(count).map_or(f64::INFINITY, side) })
     }
 
-    /// Returns a standard error in the unit of the value. An interval of ± [`NORMAL_95`] such standard errors has this half-width. `None` = there is
+    /// Returns the standard error that a normal distribution would have if its 95 % interval were `value` ± `value` * `half_width`. `None` = there is
     /// no interval.
     pub(crate) fn standard_error(&self) -> Option<f64> {
         self.half_width.is_finite().then_some(self.value * self.half_width / NORMAL_95)
@@ -115,7 +115,7 @@ impl Samples {
         self.0.get(&(candidate, pass.to_owned()))
     }
 
-    /// Returns all candidates and passes that have times, in order.
+    /// Returns all pairs of a candidate and a pass that have times, sorted by candidate, then by pass.
     pub(crate) fn keys(&self) -> impl Iterator<Item = Key<'_>> {
         self.0.keys().map(|(candidate, pass)| (*candidate, pass.as_str()))
     }

@@ -175,7 +175,7 @@ impl Workbench {
             if ui.button(label).on_hover_text("Space").clicked() {
                 self.model.clock.paused ^= true;
             }
-            if ui.button("Step").on_hover_text("Advances by one frame and pauses (full stop)").clicked() {
+            if ui.button("Step").on_hover_text("Advances by one frame and pauses (key .)").clicked() {
                 self.model.step();
             }
             ui.label(format!("frame {}", self.model.clock.frame))

@@ -142,7 +142,7 @@ fn default_times_budget_s() -> f64 {
 pub struct Viewing {
     /// Frames per second, 1 to 1000.
     pub frames_per_second: f64,
-    /// Pixels per degree of visual angle, 1 to 1000.
+    /// Pixels per degree of visual angle, 4 to 400.
     pub pixels_per_degree: f64,
 }
 
@@ -377,7 +377,10 @@ impl Definition {
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         let with_another = || metrics::companion_of(metric).is_some_and(|other| self.why_not(other).is_ok());
-        metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || with_another()
+        // A report says whether pixels can be followed if any metric depends on it.
+        let of_frames =
+            || metric == metrics::DISOCCLUDED && metrics::METRICS.iter().any(|m| m.needs == Needs::Frames && self.why_not(m.name).is_ok());
+        metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || of_frames() || with_another()
     }
 
     /// Checks that the definition requests this metric, and has the seeds, frames or times that the metric needs. Unlike [`Definition::measures`], it

@@ -218,7 +218,8 @@ fn shape(definition: &Definition) -> Checked {
     let viewing = top.key("viewing");
     let Viewing { frames_per_second, pixels_per_degree } = definition.viewing;
     viewing.key("frames_per_second").within(frames_per_second, 1.0, 1000.0)?;
-    viewing.key("pixels_per_degree").within(pixels_per_degree, 1.0, 1000.0)?;
+    let [low, high] = metrics::PIXELS_PER_DEGREE_RANGE.map(f64::from);
+    viewing.key("pixels_per_degree").within(pixels_per_degree, low, high)?;
     top.key("times_budget_s").positive(definition.times_budget_s, MAX_TIMES_BUDGET_S)?;
     let reference = top.key("reference");
     let (spp, max_spp) = (definition.reference.spp, definition.reference.max_spp);

@@ -6,13 +6,11 @@ use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
 
 use super::area;
+use crate::metrics;
 
 /// Default number of pixels per degree of the viewer's field of view. It applies to a display that is 3840 pixels and 0.7 m wide and seen from a
 /// distance of 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
-/// The accepted range of the number of pixels per degree. Below this range, the feature filters are narrower than a pixel. Above it, the windows of
-/// filters are wider than any display.
-pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
 /// The errors of all pixels, summarised in a few numbers. Each number lies in 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,9 +36,9 @@ pub struct Map {
 /// Computes the FLIP errors of two pictures of `size` (width, height). Their values are encoded as sRGB, lie in 0..=1, and are rounded to 8 bits.
 ///
 /// # Errors
-/// The lengths do not match, or `pixels_per_degree` lies outside [`PIXELS_PER_DEGREE_RANGE`].
+/// The lengths do not match, or `pixels_per_degree` lies outside [`metrics::PIXELS_PER_DEGREE_RANGE`].
 pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per_degree: f32) -> Result<Map> {
-    let [low, high] = PIXELS_PER_DEGREE_RANGE;
+    let [low, high] = metrics::PIXELS_PER_DEGREE_RANGE;
     if !(low..=high).contains(&pixels_per_degree) {
         return Err(Error::Request(format!("{pixels_per_degree} pixels per degree are outside the range of FLIP, {low} to {high}")));
     }
@@ -195,7 +193,7 @@ mod tests {
         for wrong in [0.0, 3.9, 401.0, f32::NAN, f32::INFINITY, -67.0] {
             assert!(map(SIZE, &picture, &picture, wrong).is_err(), "{wrong}");
         }
-        for right in PIXELS_PER_DEGREE_RANGE {
+        for right in metrics::PIXELS_PER_DEGREE_RANGE {
             let mut test = picture.clone();
             test[7] = [0.0; 3];
             assert!(map(SIZE, &test, &picture, right).is_ok(), "{right}");

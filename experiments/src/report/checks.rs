@@ -268,7 +268,7 @@ pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check
         Mark::Fails => format!("{} of {all} random rows are biased", off.max(cancelling)),
         Mark::Passes => format!("none of {all} random rows is found to be biased"),
         Mark::Unclear if told == 0 => format!("cannot tell whether {all} random rows are biased"),
-        Mark::Unclear => format!("none of {told} random rows is found to be biased, of {all}"),
+        Mark::Unclear => format!("of {all} random rows, {told} could be tested, and none of these is found to be biased"),
     };
     let patterns = match smallest {
         Some(_) if unreachable => Some(format!("biases that cancel over the picture cannot be tested in {all} rows at once")),
@@ -409,7 +409,10 @@ mod tests {
             assert!(!text.contains("would be found with probability"), "{text}");
             // If another row can be judged, the result is about that row only.
             let (mark, text) = bias(&[good.clone(), row.clone()], 0, seeds).expect("rows");
-            assert!(mark == Mark::Unclear && text.starts_with("none of 1 random rows is found to be biased, of 2"), "{text}");
+            assert!(
+                mark == Mark::Unclear && text.starts_with("of 2 random rows, 1 could be tested, and none of these is found to be biased"),
+                "{text}"
+            );
             assert!(text.contains(&format!("cannot tell for bad ({reason}")), "{text}");
             // A bias of another row is found, although this row cannot be judged.
             let (mark, text) = bias(&[measured("off", 0.01, 1e-4), row], 0, seeds).expect("rows");

@@ -6,17 +6,19 @@ use std::collections::BTreeSet;
 use kernels::frame::VariantChoice;
 use kernels::shading::Estimator;
 use kernels::shared::signal::Signal;
+use kernels::temporal::{Resolve, SHARE};
 use kernels::variant::{Flavour, Variant};
 
 use super::RunData;
 use super::checks::{self, Check, GoldenRow, Mark};
 use super::numbers::{number, significant};
 use super::summary::{
-    ADDED, BIAS, BIAS_P, CLUMPING, EXACT_MSE, EXCESS, FETCHES, FLIP, FLIPS, Frames, INVALID, Key, KeyOf, LOST, Metric, NAMED, Of,
-    PERCEIVED, PSNR, REJECTIONS, RESIDUAL, RESIDUAL_P95, RMSE, SHADING, SSIM, Summary, THEORY, TILE_FETCHES, Table, VARIANCE,
+    ADDED, BIAS, BIAS_P, CLUMPING, DISOCCLUDED, EXACT_MSE, EXCESS, FETCHES, FLIP, FLIPS, Frames, INVALID, Key, KeyOf, LOST, Metric, NAMED,
+    Of, PERCEIVED, PSNR, REJECTIONS, RESIDUAL, RESIDUAL_P95, RMSE, ReferenceFacts, SHADING, SSIM, Summary, THEORY, TILE_FETCHES, Table,
+    VARIANCE,
 };
 use super::tested;
-use crate::definition::{Times, Vary, setting_text, variant_choice};
+use crate::definition::{Definition, Times, Vary, setting_text, variant_choice};
 use crate::metrics::{self, SHADING_TIME};
 use crate::report::Verdict;
 use crate::row::Row;
@@ -311,12 +313,84 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
 }
 
 /// Returns the remarks that the report shows beside the checks. Remarks neither pass nor fail.
-pub(super) fn remarks(table: &Table) -> Vec<String> {
-    tested::by_design(table).into_iter().collect()
+pub(super) fn remarks(run: &RunData, table: &Table) -> Vec<String> {
+    [tested::by_design(table), short_history(&run.definition), short_memory(run, table)].into_iter().flatten().collect()
+}
+
+/// Largest share of a history that may come from the first frame when measuring begins.
+const OLDEST: f64 = 0.1;
+
+/// Says that the histories of the run are not filled when measuring begins; `None` if they are, or if there is no history. A history begins with the
+/// first frame, and each later frame leaves 1 - [`SHARE`] of it.
+fn short_history(definition: &Definition) -> Option<String> {
+    let resolves = definition.temporal.iter().filter(|name| name.parse::<Resolve>().is_ok_and(Resolve::has_history));
+    let resolves: Vec<&str> = resolves.map(String::as_str).collect();
+    // The first measured change is that of frame 1.
+    let first = definition.warm_up.max(1);
+    let kept = 1.0 - f64::from(SHARE);
+    let share = kept.powf(f64::from(first));
+    let enough = (OLDEST.ln() / kept.ln()).ceil() as u32;
+    (!resolves.is_empty() && definition.frames > 1 && share > OLDEST).then(|| {
+        format!(
+            "the history of {} begins empty: in frame {first}, the first whose changes are measured, {:.0} % of it come from frame 0, so this start is \
+             part of all numbers over frames; to leave it out, set `warm_up = {enough}` and `frames = {}`",
+            resolves.join(" and "),
+            100.0 * share,
+            definition.sequence().measured() + enough
+        )
+    })
+}
+
+/// Says that the sequence is too short for perceived noise; `None` if it is long enough, or if perceived noise was not measured.
+fn short_memory(run: &RunData, table: &Table) -> Option<String> {
+    let is_measured = table.summaries.iter().any(|summary| summary.value(PERCEIVED).is_finite());
+    let adaptation = run.definition.viewing.of_meter().adaptation();
+    (is_measured && !table.is_memory_filled).then(|| {
+        format!(
+            "perceived noise is too high for noise that changes in every frame, and no sentence uses it: it needs {} frames at {} per second, and this run has \
+             {}",
+            run.definition.sequence().frames_to_fill(adaptation),
+            number(table.frames_per_second),
+            run.definition.frames
+        )
+    })
+}
+
+/// Largest mean share of terrain pixels that cannot be followed from one frame to the next.
+const MOST_HIDDEN: f64 = 0.5;
+
+/// Checks that most pixels can be followed from frame to frame; `None` if no frames were compared.
+fn followed(table: &Table) -> Option<Check> {
+    let share = |view: &str| {
+        let hidden = table.of_view(view).into_iter().map(|i| table.summaries[i].value(DISOCCLUDED)).filter(|hidden| hidden.is_finite());
+        Some(1.0 - hidden.max_by(f64::total_cmp)?)
+    };
+    let shares: Vec<(&String, f64)> = table.views.iter().filter_map(|view| Some((view, share(view)?))).collect();
+    let least = shares.iter().map(|(_, share)| *share).min_by(f64::total_cmp)?;
+    let few: Vec<String> = shares
+        .iter()
+        .filter(|(_, share)| *share < 1.0 - MOST_HIDDEN)
+        .map(|(view, share)| format!("{view}: {:.1} %", 100.0 * share))
+        .collect();
+    Some(if few.is_empty() {
+        (
+            Mark::Passes,
+            format!("in every view, at least {:.0} % of the terrain pixels are followed from frame to frame", (100.0 * least).floor()),
+        )
+    } else {
+        (
+            Mark::Unclear,
+            format!(
+                "few terrain pixels can be followed from frame to frame ({}), so changes, flips and perceived noise say little: reduce the step of the \
+                 motion",
+                some_of(&few, few.len())
+            ),
+        )
+    })
 }
 
 /// Returns all checks with their names.
-pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> [NamedCheck; 8] {
+pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> [NamedCheck; 9] {
     let (biases, unbiased) = tested::biases(table);
     let (variances, adding) = tested::variances(table);
     let seeds = run.definition.seeds;
@@ -329,7 +403,17 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
     let references = (!judged.is_empty()).then(|| {
         let words = "references have a standard error of at most a tenth of the smallest RMSE measured against them";
         let signals = if table.signals.len() > 1 { " (one for each signal)" } else { "" };
-        (Mark::of(good == judged.len()), format!("{good} of {} {words}{signals}", judged.len()))
+        let named = |r: &&&ReferenceFacts| {
+            let error = if r.standard_error.is_finite() { number(r.standard_error) } else { "unknown".to_owned() };
+            format!("{}: {error} against {}", place_of_reference(table, r), number(r.smallest_rmse))
+        };
+        let bad: Vec<String> = judged.iter().filter(|r| !r.suffices()).map(|r| named(&r)).collect();
+        let cure = if bad.is_empty() {
+            String::new()
+        } else {
+            format!("; not so for {}: raise `spp` and `max_spp` of `reference`, or leave errors out of `metrics`", some_of(&bad, bad.len()))
+        };
+        (Mark::of(good == judged.len()), format!("{good} of {} {words}{signals}{cure}", judged.len()))
     });
     let doubles = (table.doubles > 0)
         .then(|| (Mark::Fails, format!("{} numbers have more than one row; only the first row of each is used", table.doubles)));
@@ -340,29 +424,35 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
         ("bias", checks::bias(&biases, unbiased, seeds)),
         ("variance", checks::variance(&variances, adding, seeds)),
         ("invalid", invalid(table)),
+        ("followed", followed(table)),
         ("numbers", without_number(table)),
         ("doubles", doubles),
     ]
 }
 
+/// Names a reference by its view, the value of the varied parameter, and its signal.
+fn place_of_reference(table: &Table, reference: &ReferenceFacts) -> String {
+    let setting = if reference.setting.is_empty() { String::new() } else { format!(", {} = {}", table.parameter, reference.setting) };
+    format!("{}{setting}, {}", reference.view, reference.signal.name())
+}
+
 /// Checks that the colours of all pixels are finite; `None` if no choice has the metric. A pixel whose colour is not finite is in no metric, so the
 /// metrics of its choice do not describe the whole picture.
 fn invalid(table: &Table) -> Option<Check> {
-    let mut counts: Vec<(String, Signal, f64)> = Vec::new();
+    let mut counts: Vec<(String, f64)> = Vec::new();
     for reference in &table.references {
-        let of_setting =
-            if reference.setting.is_empty() { String::new() } else { format!(", {} = {}", table.parameter, reference.setting) };
-        counts.push((format!("reference, {}{of_setting}", reference.view), reference.signal, reference.invalid));
+        counts.push((format!("reference, {}", place_of_reference(table, reference)), reference.invalid));
     }
     for summary in &table.summaries {
-        counts.extend(table.signals.iter().map(|&signal| (table.place(&summary.key), signal, summary.value(INVALID.of(signal)))));
+        let of = |&signal: &Signal| (format!("{}, {}", table.place(&summary.key), signal.name()), summary.value(INVALID.of(signal)));
+        counts.extend(table.signals.iter().map(of));
     }
-    counts.retain(|(.., count)| !count.is_nan());
+    counts.retain(|(_, count)| !count.is_nan());
     if counts.is_empty() {
         return None;
     }
-    let named = |(place, signal, count): &(String, Signal, f64)| format!("{place}, {}: {}", signal.name(), number(*count));
-    let found: Vec<String> = counts.iter().filter(|(.., count)| *count > 0.0).map(named).collect();
+    let named = |(place, count): &(String, f64)| format!("{place}: {}", number(*count));
+    let found: Vec<String> = counts.iter().filter(|(_, count)| *count > 0.0).map(named).collect();
     if found.is_empty() {
         // Runs of earlier versions do not count the pixels of references.
         let counted = if table.references.iter().any(|reference| reference.invalid.is_finite()) { " and reference" } else { "" };

@@ -187,7 +187,7 @@ impl Rows {
         }
         if resolve == 1.0 {
             put(self, "taa_rejections", "share", 0.11 + 0.02 * jitter(6), None);
-            put(self, "disoccluded", "share", 0.013, None);
+            self.put(&Row { lag: Some(1), ..base.clone() }, "disoccluded", "share", 0.013, Some(0.001));
         }
         // The mean of these rows of single frames differs from the row over all frames. A report that uses the wrong rows shows a wrong number.
         for frame in 0..3 {

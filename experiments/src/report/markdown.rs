@@ -21,7 +21,7 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     for (result, words) in columns::checks(run, table, verdicts) {
         text += &format!("- {} {}\n", mark(result), escape(&words));
     }
-    for remark in columns::remarks(table) {
+    for remark in columns::remarks(run, table) {
         text += &format!("- {}\n", escape(&remark));
     }
     text += &expectations(run, verdicts);

@@ -37,7 +37,7 @@ impl Estimate {
 
     /// Returns the half-width of the 95 % confidence interval; `None` = no standard error is known.
     pub(super) fn half(self) -> Option<f64> {
-        (self.error > 0.0).then(|| half_width(self.error, self.freedom))
+        (self.error > 0.0 && self.error.is_finite()).then(|| half_width(self.error, self.freedom))
     }
 
     /// Returns the ratio of this value to `other`, with its standard error by the delta method.
@@ -45,6 +45,9 @@ impl Estimate {
         let value = self.value / other.value;
         let relative = |estimate: Estimate| (estimate.error / estimate.value).abs();
         let error = value.abs() * relative(self).hypot(relative(other));
+        if [self, other].iter().any(|estimate| estimate.error.is_infinite()) {
+            return Estimate { error: f64::INFINITY, ..Estimate::exact(value) };
+        }
         if !(error > 0.0 && error.is_finite()) {
             return Estimate::exact(value);
         }

@@ -178,6 +178,12 @@ fn faults() -> Vec<Fault> {
         };
         add("invalid", &format!("an invalid pixel of the reference, {signal}"), [0.0, 1.0], Fails, Box::new(of_reference));
     }
+    // At least half of the pixels must be followed. If not, nothing is wrong, but little can be told.
+    let hidden = |run: &mut RunData, share: f64| {
+        let rows = run.rows.iter_mut().filter(|row| row.metric == "disoccluded" && row.variant == "splat");
+        rows.for_each(|row| row.value = share);
+    };
+    add("followed", "pixels that are not followed", [0.5, 0.5f64.next_up()], Unclear, Box::new(hidden));
     // A row without a number, in a metric that no other check reads.
     let number = |run: &mut RunData, value: f64| row(run, "ssim", "splat").value = value;
     add("numbers", "a value of NaN", [0.5, f64::NAN], Fails, Box::new(number));
@@ -253,6 +259,7 @@ fn checks_without_their_rows_do_not_pass() {
         ("variance", "variance_theory", None),
         ("variance", "exact_mse", None),
         ("invalid", "invalid_px", None),
+        ("followed", "disoccluded", None),
     ] {
         let mut expected = results(&sound);
         expected.insert(check, result);

@@ -39,7 +39,7 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     let room = PAGE_BYTES.saturating_sub(sections.iter().map(String::len).sum());
     sections.insert(sections.len() - 1, pictures::sheets(&run.folders, room));
     let mut body = html::header(&format!("Scree \u{b7} experiment {name}"), question);
-    body += &html::verdict(answer, &columns::checks(run, table, verdicts), &columns::remarks(table));
+    body += &html::verdict(answer, &columns::checks(run, table, verdicts), &columns::remarks(run, table));
     body += &missing(run);
     body += &analysis(run);
     body += &expectations(run, verdicts);

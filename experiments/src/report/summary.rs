@@ -135,6 +135,7 @@ pub(super) const RESIDUAL: Metric = moving(metrics::RESIDUAL, Of::Shown, "residu
 pub(super) const RESIDUAL_P95: Metric = moving(metrics::RESIDUAL_P95, Of::Shown, "residual flicker p95");
 pub(super) const PERCEIVED: Metric = still(metrics::PERCEIVED_NOISE, Of::Shown, "perceived noise");
 pub(super) const EXCESS: Metric = moving(metrics::EXCESS_DIFFERENCE, Of::Shown, "excess difference");
+pub(super) const DISOCCLUDED: Metric = moving(metrics::DISOCCLUDED, Of::Nothing, "disoccluded");
 pub(super) const INVALID: Metric = still(metrics::INVALID_PX, Of::Shown, "invalid pixels");
 pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, ALBEDO, metrics::CLUMPING);
 pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, Of::Shown, "history rejected");
@@ -252,10 +253,20 @@ impl Summary {
         if metric.is_exact() { None } else { self.number(metric).and_then(Number::half) }
     }
 
-    /// Returns the value of a metric with its standard error, for comparisons; NaN if it has no row.
+    /// Returns the value of a metric with its standard error, for comparisons; NaN if it has no row. If the standard error should exist but is not
+    /// known ([`Summary::is_doubtful`]), it is infinite, so the value differs from no other.
     pub(super) fn estimate(&self, metric: Metric) -> Estimate {
         let freedom = self.number(metric).map_or(f64::INFINITY, Number::any_freedom);
-        Estimate { error: self.error(metric).unwrap_or(0.0), freedom, ..Estimate::exact(self.value(metric)) }
+        let unknown = if self.is_doubtful(metric) { f64::INFINITY } else { 0.0 };
+        Estimate { error: self.error(metric).unwrap_or(unknown), freedom, ..Estimate::exact(self.value(metric)) }
+    }
+
+    /// Whether a value over all frames lacks its standard error. This happens if only one frame, or one pair of frames, was measured: nobody knows how
+    /// much such a value scatters.
+    pub(super) fn is_doubtful(&self, metric: Metric) -> bool {
+        let of_frames = metrics::find(metric.name).is_some_and(|m| m.needs == Needs::Frames);
+        let number = self.number(metric).filter(|number| of_frames && number.frames == Frames::All);
+        number.is_some_and(|number| number.error().is_none())
     }
 
     /// Returns the degrees of freedom of a metric's standard error, if its row gives them.
@@ -305,7 +316,7 @@ pub(super) struct ReferenceFacts {
     /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
     /// passes through the same resolve.
     pub(super) differences: BTreeMap<String, f64>,
-    /// Number of terrain pixels of the reference sequence whose colour is not finite; NaN = it was not counted.
+    /// Number of terrain pixels of a reference sequence whose colour is not finite; NaN = it was not counted.
     pub(super) invalid: f64,
 }
 

@@ -157,7 +157,8 @@ mod tests {
         let (names, follow) = selected(&without);
         assert_eq!((names.len(), follow), (4, 2), "{names:?}");
         assert!(["near-cliff", "near-cliff+far-cliff", "auto", "generic"].iter().all(|name| names.iter().any(|n| n == name)), "{names:?}");
-        // A flavour with another noise, view, setting or estimator is another measurement, so nothing follows from it.
+        // A flavour with another noise, view, setting or estimator is another measurement, so it says nothing about a composition
+        // with that flavour.
         for other in [
             row("near-cliff", "white"),
             Row { view: "ground".to_owned(), ..row("near-cliff", "hashed") },

@@ -410,8 +410,8 @@ fn every_mark_can_be_red() {
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // The five checks: accuracy of the references, promised fetches, bias, variance, invalid pixels.
-    assert_eq!(marks(&good, &[]), [Passes; 5]);
+    // The six checks: accuracy of the references, promised fetches, bias, variance, invalid pixels, followed pixels.
+    assert_eq!(marks(&good, &[]), [Passes; 6]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();
         change(&mut run);
@@ -424,28 +424,28 @@ fn every_mark_can_be_red() {
         let rows = run.rows.iter_mut().filter(|r| r.metric == metric && r.variant == variant);
         rows.for_each(|r| (r.value, r.standard_error) = (value, Some(error)));
     };
-    assert_eq!(with(&|run| scale(run, "reference_se", "reference", 10.0)), [Fails, Passes, Passes, Passes, Passes]);
-    assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [Passes, Fails, Passes, Passes, Passes]);
-    assert_eq!(with(&|run| put(run, "bias", "near-cliff", 1e-3, 1.5e-5)), [Passes, Passes, Fails, Passes, Passes]);
-    assert_eq!(with(&|run| scale(run, "exact_mse", "near-cliff", 2.0)), [Passes, Passes, Passes, Fails, Passes]);
+    assert_eq!(with(&|run| scale(run, "reference_se", "reference", 10.0)), [Fails, Passes, Passes, Passes, Passes, Passes]);
+    assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [Passes, Fails, Passes, Passes, Passes, Passes]);
+    assert_eq!(with(&|run| put(run, "bias", "near-cliff", 1e-3, 1.5e-5)), [Passes, Passes, Fails, Passes, Passes, Passes]);
+    assert_eq!(with(&|run| scale(run, "exact_mse", "near-cliff", 2.0)), [Passes, Passes, Passes, Fails, Passes, Passes]);
     // Biases of compositions are not tested, because they follow from those of the flavours.
-    assert_eq!(with(&|run| put(run, "bias", "auto", 1e-3, 1.5e-5)), [Passes; 5]);
+    assert_eq!(with(&|run| put(run, "bias", "auto", 1e-3, 1.5e-5)), [Passes; 6]);
     // A check without enough data is `Unclear`.
-    assert_eq!(with(&|run| put(run, "bias", "far-cliff", 0.0, 0.1)), [Passes, Passes, Unclear, Passes, Passes]);
-    // A sixth check names rows whose value is NaN.
-    assert_eq!(with(&|run| scale(run, "exact_mse", "far-cliff", f64::NAN)), [Passes, Passes, Passes, Unclear, Passes, Fails]);
+    assert_eq!(with(&|run| put(run, "bias", "far-cliff", 0.0, 0.1)), [Passes, Passes, Unclear, Passes, Passes, Passes]);
+    // A seventh check names rows whose value is NaN.
+    assert_eq!(with(&|run| scale(run, "exact_mse", "far-cliff", f64::NAN)), [Passes, Passes, Passes, Unclear, Passes, Passes, Fails]);
     let invalid = |run: &mut RunData| {
         let is_count = |r: &&mut Row| r.metric == "invalid_px" && r.variant == "vt+splat" && r.signal == "lit";
         run.rows.iter_mut().find(is_count).expect("a count").value = 17.0;
     };
-    assert_eq!(with(&invalid), [Passes, Passes, Passes, Passes, Fails]);
+    assert_eq!(with(&invalid), [Passes, Passes, Passes, Passes, Fails, Passes]);
     let mut with_invalid = good.clone();
     invalid(&mut with_invalid);
     let words = "1 sequence has terrain pixels whose colour is not finite, which are left out of all metrics: vt+splat, lit: 17";
     assert!(html(&with_invalid, &[]).contains(&format!("<li class=\"bad\">{words}</li>")));
     // The check of the references also fails if their accuracy is unknown.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
-    assert_eq!(lost, [Fails, Passes, Passes, Passes, Passes]);
+    assert_eq!(lost, [Fails, Passes, Passes, Passes, Passes, Passes]);
     let mut without = good.clone();
     without.rows.retain(|r| !r.metric.starts_with("reference_"));
     assert!(html(&without, &[]).contains("<td class=\"bad\">its standard error is not known</td>"));
@@ -647,4 +647,28 @@ fn biases_by_design_are_remarks_and_not_checks() {
     let (page, text) = (html(&run, &[]), text(&run, &[]));
     let words = "biased by design against the exact blend (95 % intervals): hex by at most -0.0123 \u{b1} 0.0002 (hex; hex tiling reduces";
     assert!(page.contains(&format!("<li class=\"remark\">{words}")) && text.contains(&format!("- {words}")), "{text}");
+}
+
+#[test]
+fn histories_that_are_not_filled_and_sequences_that_are_too_short_are_remarks() {
+    let folder = Folder::new("warm-up");
+    let mut run = fake::one(folder.path());
+    let seen = Row { metric: "perceived_noise".to_owned(), signal: "albedo".to_owned(), value: 0.01, ..run.rows[0].clone() };
+    run.rows.push(seen);
+    let mut of = |frames: u32, warm_up: u32, temporal: &[&str]| {
+        run.definition.frames = frames;
+        run.definition.warm_up = warm_up;
+        run.definition.temporal = temporal.iter().map(|&name| name.to_owned()).collect();
+        columns::remarks(&run, &Table::of(&run)).join("; ")
+    };
+    let begins = "the history of exponential and flipquad+exponential begins empty: in frame 1, the first whose changes are measured, 90 % of it come from \
+                  frame 0, so this start is part of all numbers over frames; to leave it out, set `warm_up = 22` and `frames = 38`";
+    assert_eq!(of(16, 0, &["off", "exponential", "flipquad", "flipquad+exponential"]), begins);
+    assert!(of(40, 21, &["exponential"]).contains("in frame 21, the first whose changes are measured, 11 % of it"));
+    for (frames, warm_up, temporal) in [(40, 22, "exponential"), (16, 0, "flipquad"), (16, 0, "off")] {
+        assert_eq!(of(frames, warm_up, &[temporal]), "", "{frames} frames, {warm_up} to warm up, {temporal}");
+    }
+    let short = "perceived noise is too high for noise that changes in every frame, and no sentence uses it: it needs 16 frames at 60 per second, and \
+                 this run has 5";
+    assert_eq!(of(5, 0, &["off"]), short);
 }

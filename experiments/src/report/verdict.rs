@@ -187,7 +187,8 @@ fn claim(table: &Table, metric: Metric, many: bool) -> String {
 
 /// Returns the frame rate for which perceived noise is computed, as text.
 fn at_rate(table: &Table) -> String {
-    format!(" at {} frames a second", number(table.frames_per_second))
+    let frames = if table.frames_per_second == 1.0 { "frame" } else { "frames" };
+    format!(" at {} {frames} a second", number(table.frames_per_second))
 }
 
 /// Returns the variant of a choice as an adverbial, such as "with automatic choice" or "on near-cliff".
@@ -272,15 +273,18 @@ fn halves(a: &Summary, b: &Summary, metric: Metric) -> f64 {
 /// Whether the values of a metric of two choices differ by less than [`SMALL`] for all true values in their confidence intervals.
 fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
     let [one, other] = [a, b].map(|summary| summary.value(metric));
-    relative(one, other) < SMALL && (one - other).abs() + halves(a, b, metric) <= SMALL * one.abs().max(other.abs())
+    let is_known = one == other || ![a, b].iter().any(|summary| summary.is_doubtful(metric));
+    is_known && relative(one, other) < SMALL && (one - other).abs() + halves(a, b, metric) <= SMALL * one.abs().max(other.abs())
 }
 
 /// Compares the values of a metric of two choices. They differ if they are at least [`SMALL`] apart, their confidence intervals do not overlap, and
-/// chance explains the difference with a probability of less than `level`. If neither interval is known, the values are compared as they are.
+/// chance explains the difference with a probability of less than `level`. Errors of single pictures have no intervals and are compared as they are. It
+/// is unclear how two changes over frames differ if one of them lacks its standard error ([`Summary::is_doubtful`]), unless they are equal.
 fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     let (low, high) = if a.value(metric) <= b.value(metric) { (a, b) } else { (b, a) };
     let (from, to) = (low.value(metric), high.value(metric));
-    if !(from.is_finite() && to.is_finite()) {
+    let is_doubtful = from < to && [a, b].iter().any(|summary| summary.is_doubtful(metric));
+    if !(from.is_finite() && to.is_finite()) || is_doubtful {
         return Difference::Unclear;
     }
     if relative(from, to) < SMALL {
@@ -393,10 +397,14 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let on = on(of(best));
     let numbers = format!("{} against {}", value(of(best), metric), value(of(worst), metric));
     if difference != Difference::Apart {
-        let range =
-            format!("{} with {} noise and {} with {} noise", say(of(best), metric), name(best), value(of(worst), metric), name(worst));
+        let range = if best == worst {
+            format!("{} with all noises", say(of(best), metric))
+        } else {
+            format!("{} with {} noise and {} with {} noise", say(of(best), metric), name(best), value(of(worst), metric), name(worst))
+        };
         let sentence = if difference == Difference::Close {
-            format!("the noises hardly differ in {}{on}: {range}, {}", metric.words, because(difference))
+            let why = if best == worst { String::new() } else { format!(", {}", because(difference)) };
+            format!("the noises hardly differ in {}{on}: {range}{why}", metric.words)
         } else {
             format!("the run cannot tell which noise {}{on}: {range}", claim(table, metric, false))
         };
@@ -412,7 +420,8 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let claim = claim(table, metric, many);
     let mut sentence = format!("{names} noise {claim}: {}{on}", amount(of(best), metric));
     if many {
-        sentence += &format!(" with {}{}", name(best), alike_words(table, &ranked, |i| name(i).to_owned()));
+        let with = if on.starts_with(" with") { "and" } else { "with" };
+        sentence += &format!(" {with} {} noise{}", name(best), alike_words(table, &ranked, |i| name(i).to_owned()));
     }
     sentence += &format!(", against {} with {} noise", value(of(worst), metric), name(worst));
     if metric == ADDED {
@@ -420,7 +429,7 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
         sentence += &eye(table, &own, best, &subject).unwrap_or_default();
     }
     let otherwise = format!("{names} noise {claim} ({numbers})");
-    Some(Told { answer: names, sure: true, sentence, numbers, otherwise })
+    Some(Told { answer: format!("{names} by {}", metric.words), sure: true, sentence, numbers, otherwise })
 }
 
 /// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured. `best`: the row of this noise.
@@ -448,13 +457,21 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
     let rows = rows_of_noises(table, rows);
     let name = |i: usize| &table.summaries[i].key.noise;
     let variant = &table.summaries[*rows.first()?].key.variant;
-    let mut text = format!("with {variant} and {} noises, ", rows.len());
-    match (extremes(table, &rows, FLIPS), extremes(table, &rows, CLUMPING)) {
+    let start = format!("with {variant} and {} noises, ", rows.len());
+    let mut text = String::new();
+    // A superlative is used only if the metric tells its best noise from all others.
+    let best = |metric: Metric| {
+        let ranked = ranking(table, &rows, metric, 1).filter(|ranked| ranked.alike.is_empty());
+        ranked.map(|ranked| (ranked.best, ranked.worst))
+    };
+    let unclear = [FLIPS, CLUMPING].into_iter().filter(|&metric| best(metric).is_none());
+    let unclear: Vec<Metric> = unclear.filter(|&metric| extremes(table, &rows, metric).is_some()).collect();
+    match (best(FLIPS), best(CLUMPING)) {
         (Some((steady, restless)), Some((even, _))) if steady != even => {
             let of = |i: usize| format!("{} ({})", name(i), flips_and_clumping(&table.summaries[i]));
             text += &format!("the fewest choices flip under {}, the noise that clumps least is {}", of(steady), of(even));
             if restless != even {
-                text += &format!(", and the most choices flip under {}", of(restless));
+                text += &format!(", against {}", of(restless));
             }
         }
         (Some((steady, _)), Some(_)) => {
@@ -466,23 +483,19 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
         (None, Some((even, _))) => {
             text += &format!("the noise that clumps least is {} ({})", name(even), flips_and_clumping(&table.summaries[even]));
         }
-        (None, None) => {
-            let (low, high) = extremes(table, &rows, table.error)?;
-            let of = |i: usize| format!("{} ({})", name(i), say(&table.summaries[i], table.error));
-            return Some(text + &format!("{} has the smallest error, and {} has the largest", of(low), of(high)));
-        }
+        (None, None) => {}
     }
-    for metric in [ADDED, LOST, PERCEIVED, table.error] {
-        if let Some((low, high)) = extremes(table, &rows, metric) {
-            let of = |i: usize| value(&table.summaries[i], metric);
-            text += &if is_close(&table.summaries[low], &table.summaries[high], metric) {
-                format!("; {} is {} with all noises", metric.words, of(low))
-            } else {
-                format!("; {} ranges from {} ({}) to {} ({})", metric.words, of(low), name(low), of(high), name(high))
-            };
-        }
-    }
-    Some(text)
+    let ranges = unclear.into_iter().chain([ADDED, LOST, PERCEIVED, table.error]).filter_map(|metric| {
+        let (low, high) = extremes(table, &rows, metric)?;
+        let of = |i: usize| value(&table.summaries[i], metric);
+        Some(if low == high || is_close(&table.summaries[low], &table.summaries[high], metric) {
+            format!("{} is {} with all noises", metric.words, of(low))
+        } else {
+            format!("{} ranges from {} ({}) to {} ({})", metric.words, of(low), name(low), of(high), name(high))
+        })
+    });
+    let parts: Vec<String> = (!text.is_empty()).then_some(text).into_iter().chain(ranges).collect();
+    (!parts.is_empty()).then(|| format!("{start}{}", parts.join("; ")))
 }
 
 // ---- A parameter. ----
@@ -552,7 +565,8 @@ fn parameter_told(table: &Table, rows: &[usize]) -> Option<Told> {
     if !drawbacks.is_empty() {
         sentence += &format!("; in return, {}", drawbacks.join(", and "));
     }
-    Some(Told { answer: name(best).to_owned(), sure: true, sentence, otherwise: format!("{} {claim} ({numbers})", name(best)), numbers })
+    let otherwise = format!("{} {claim} ({numbers})", name(best));
+    Some(Told { answer: format!("{} by {}", name(best), metric.words), sure: true, sentence, otherwise, numbers })
 }
 
 /// Describes how each metric depends on the parameter.
@@ -603,6 +617,17 @@ fn base_of(table: &Table) -> Option<&String> {
     table.temporal.iter().find(|t| *t == "off").or(table.temporal.first())
 }
 
+/// Smallest value that can be the base of a factor, as a share of the largest value in the view.
+const NEGLIGIBLE: f64 = 0.01;
+
+/// Whether a factor of this value says something: the value is above 0, not only by chance, and not negligible in its view.
+fn is_base(table: &Table, row: usize, metric: Metric) -> bool {
+    let summary = &table.summaries[row];
+    let of_view = table.summaries.iter().filter(|other| other.key.view == summary.key.view).map(|other| other.value(metric));
+    let largest = of_view.filter(|value| value.is_finite()).fold(0.0, f64::max);
+    summary.value(metric) > summary.half(metric).unwrap_or(0.0) && summary.value(metric) >= NEGLIGIBLE * largest
+}
+
 /// The factor by which a resolve multiplies a metric of a choice.
 struct Factor {
     pair: Pair,
@@ -613,7 +638,8 @@ impl Factor {
     fn of(table: &Table, pair: Pair, metric: Metric) -> Option<Factor> {
         let [before, after] = [pair.0, pair.1].map(|i| table.summaries[i].estimate(metric));
         let estimate = after.ratio(before);
-        (is_usable(table, metric) && estimate.value.is_finite() && estimate.value > 0.0).then_some(Factor { pair, estimate })
+        let is_known = is_usable(table, metric) && estimate.value.is_finite() && estimate.value > 0.0;
+        (is_known && is_base(table, pair.0, metric)).then_some(Factor { pair, estimate })
     }
 
     fn ratio(&self) -> f64 {
@@ -743,7 +769,8 @@ enum Change {
     Still,
 }
 
-/// Describes how a metric changes from the first to the second row of each pair. For a single pair the text gives both values, for several pairs it
+/// Describes how a metric changes from the first to the second row of each pair. Pairs without a factor ([`Factor::of`]) are left out; the text then says how
+/// many are described. For a single pair the text gives both values, for several pairs it
 /// gives the range of ratios.
 fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
     let mut known: Vec<Factor> = pairs.iter().filter_map(|&pair| Factor::of(table, pair, metric)).collect();
@@ -753,6 +780,7 @@ fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
         return Some(Change::Still);
     }
     let of = |i: usize| value(&table.summaries[i], metric);
+    let but = if known.len() < pairs.len() { format!(" for {} of {} choices", known.len(), pairs.len()) } else { String::new() };
     if pairs.len() == 1 {
         let (before, after) = least.pair;
         return Some(Change::Moved(format!("{} from {} to {} (factor {})", metric.words, of(before), of(after), least.words())));
@@ -764,9 +792,9 @@ fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
         format!("{} ({}: {} to {})", f.words(), words.join(", "), of(f.pair.0), of(f.pair.1))
     };
     if most.ratio() - least.ratio() < SMALL * most.ratio() {
-        return Some(Change::Moved(format!("{} by a factor of {}", metric.words, least.words())));
+        return Some(Change::Moved(format!("{} by a factor of {}{but}", metric.words, least.words())));
     }
-    Some(Change::Moved(format!("{} by a factor of {} to {}", metric.words, said(least), said(most))))
+    Some(Change::Moved(format!("{} by a factor of {} to {}{but}", metric.words, said(least), said(most))))
 }
 
 // ---- Estimators. ----
@@ -872,8 +900,8 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
         table.error.words,
         list(&items, listed(table))
     );
-    if let Some((low, _)) = extremes(table, &rows, ADDED) {
-        let steady = &table.summaries[low];
+    if let Some(ranked) = ranking(table, &rows, ADDED, 1).filter(|ranked| ranked.alike.is_empty()) {
+        let steady = &table.summaries[ranked.best];
         text += &format!("; {} adds the least change ({}, {})", steady.key.estimator, say(steady, ADDED), flips_and_clumping(steady));
     }
     Some(text)
@@ -935,7 +963,8 @@ fn variants_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let label = |s: &Summary| table.label(&s.key);
     let noises = || {
         let told = noises_told(table, rows).filter(|_| table.noises.len() > 1)?;
-        Some(format!("; of {} noises, {}", table.noises.len(), told.otherwise))
+        let among = if told.sure { format!("of {} noises, ", table.noises.len()) } else { String::new() };
+        Some(format!("; {among}{}", told.sentence))
     };
     let Some(automatic) = automatic(table, rows) else {
         let both = |s: &Summary| format!("{} ({}, {})", label(s), say(s, cost), say(s, error));
@@ -1130,10 +1159,10 @@ mod tests {
         said(choices).lines().next().expect("an answer").to_owned()
     }
 
-    /// Numbers without standard errors: fetches, RMSE, added change, flip rate and clumping. NaN = the number has no row.
+    /// Numbers that are certain: fetches, RMSE, added change, flip rate and clumping. NaN = the number has no row.
     fn five(values: [f64; 5]) -> Vec<Figure> {
         let metrics = ["fetches_per_px", "rmse", "added", "flip_rate", "clumping"];
-        metrics.into_iter().zip(values).filter(|(_, value)| !value.is_nan()).map(|(metric, value)| (metric, value, None)).collect()
+        metrics.into_iter().zip(values).filter(|(_, value)| !value.is_nan()).map(|(metric, value)| (metric, value, Some(0.0))).collect()
     }
 
     fn variant(name: &str) -> Row {
@@ -1174,6 +1203,41 @@ mod tests {
         all[2].1 = five([12.0, 0.02, 0.01, NONE, NONE]);
         assert!(said(&all).starts_with("3 of 3 variants are worth their fetches"), "{}", said(&all));
         assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, added change 0.01)"));
+    }
+
+    #[test]
+    fn equal_noises_are_not_told_apart() {
+        let equal = |name: &str| (noise(name), five([NONE, 0.05, 0.003, NONE, NONE]));
+        let text = said(&[equal("hashed"), equal("white")]);
+        assert_eq!(
+            text,
+            "The noises hardly differ in added change on near-cliff: added change 0.003 with all noises.\n\
+             With near-cliff and 2 noises, added change is 0.003 with all noises; RMSE is 0.05 with all noises."
+        );
+    }
+
+    #[test]
+    fn a_change_without_a_standard_error_decides_nothing() {
+        let of = |error: Option<f64>| {
+            let row = |name: &str, value: f64| (noise(name), vec![("added", value, error), ("rmse", 0.05, Some(0.0))]);
+            first(&[row("hashed", 0.001), row("white", 0.009)])
+        };
+        assert!(of(Some(1e-5)).starts_with("Hashed noise adds the least change in motion"), "{}", of(Some(1e-5)));
+        assert!(of(None).starts_with("The run cannot tell which noise adds the least change in motion"), "{}", of(None));
+    }
+
+    #[test]
+    fn noises_that_clump_alike_within_chance_have_no_superlative() {
+        let of = |error: f64| {
+            let row = |name: &str, flips: f64, clumping: f64| {
+                (noise(name), vec![("added", 0.001, Some(0.0)), ("flip_rate", flips, Some(1e-4)), ("clumping", clumping, Some(error))])
+            };
+            said(&[row("hashed", 0.1, 1.35), row("white", 0.5, 1.30)])
+        };
+        assert!(of(0.001).contains("the noise that clumps least is white"), "{}", of(0.001));
+        let unclear = of(0.3);
+        assert!(unclear.contains("the fewest choices flip under hashed") && unclear.contains("clumping ranges from 1.3"), "{unclear}");
+        assert!(!unclear.contains("clumps least"), "{unclear}");
     }
 
     #[test]
@@ -1256,7 +1320,9 @@ mod tests {
         assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.1273 \u{b1} 0.0027, added change 0.000823"), "{text}");
         assert!(
             text.contains(
-                "; of 6 noises, hashed noise adds the least change in motion (0.01436 \u{b1} 0.00092 against 0.0380 \u{b1} 0.0024)."
+                "; of 6 noises, hashed noise adds the least change in motion: 0.01436 \u{b1} 0.00092 a frame with automatic choice, against 0.0380 \u{b1} \
+                 0.0024 with white noise; it looks noisier to the eye at 60 frames a second than white noise (perceived noise 0.01277 \u{b1} 0.00041 \
+                 against 0.00656 \u{b1} 0.00021)."
             ),
             "{text}"
         );
@@ -1358,7 +1424,7 @@ mod tests {
         let three = [("hashed", 0.0012), ("world", 0.0013), ("white", 0.0048)];
         assert_eq!(
             first(&three.map(|(name, value)| (noise(name), vec![adds(value, 0.00005)]))),
-            "Hashed and world noise add the least change in motion: 0.00120 \u{b1} 0.00011 a frame on near-cliff with hashed, which the run cannot tell \
+            "Hashed and world noise add the least change in motion: 0.00120 \u{b1} 0.00011 a frame on near-cliff with hashed noise, which the run cannot tell \
              from world (0.00130 \u{b1} 0.00011), against 0.00480 \u{b1} 0.00011 with white noise."
         );
     }
@@ -1375,7 +1441,7 @@ mod tests {
             said(&all),
             "Hashed noise adds the least change in motion: 0.002 a frame with automatic choice, against 0.005 with white noise.\n\
              With auto and 3 noises, the fewest choices flip under hashed (flip rate 0.1, clumping 3), the noise that clumps least is blue (flip rate 0.4, \
-             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1); added change ranges from 0.002 (hashed) to 0.005 (white); \
+             clumping 0.5), against white (flip rate 0.5, clumping 1); added change ranges from 0.002 (hashed) to 0.005 (white); \
              RMSE is 0.05 with all noises."
         );
         // If one noise has both the fewest flips and the least clumping, it is named once.
@@ -1570,7 +1636,8 @@ mod tests {
         assert_eq!(of(0.0100, 0.0101, Some(0.005 / 2.145)), (Difference::Unclear, false));
         assert_eq!(of(0.0100, 0.0101, Some(0.00005 / 2.145)), (Difference::Close, true));
         assert_eq!(of(0.0100, 0.0101, Some(0.00006 / 2.145)), (Difference::Unclear, false));
-        assert_eq!(of(0.0100, 0.0101, None), (Difference::Close, true));
+        // Without a standard error, nobody knows how much a change scatters. Only equal values are close.
+        assert_eq!([of(0.0100, 0.0101, None), of(0.0100, 0.0200, None)], [(Difference::Unclear, false); 2]);
         assert_eq!([of(0.0, 0.0, None), of(0.01, 0.0101, Some(0.0))], [(Difference::Close, true); 2]);
         assert_eq!(of(0.0100, 0.0103, Some(0.00001)), (Difference::Apart, false));
         // The details follow the same rule.

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use kernels::base::colour::linear_from_srgb;
 use kernels::display::Exposure;
 use kernels::display::reference::tone_map;
@@ -34,7 +34,7 @@ use super::sequence::{AGAIN, Pictures, Writer};
 use super::{Labels, Mark, Runner, parse, pictures, truth, views};
 use crate::judge::Image;
 use crate::metrics;
-use crate::process::check_interrupted;
+use crate::process::{Unfit, check_interrupted};
 use crate::row::Row;
 use crate::store::{REFERENCE, SEQUENCE, write_with};
 use crate::unit::{Outcome, Unit};
@@ -292,7 +292,7 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
-        // For each signal.
+        // For each signal: the number in the sequence that has the most. There is a sequence for each set of sample points.
         let mut invalid = vec![0u64; signals.len()];
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
@@ -301,6 +301,7 @@ impl Runner<'_> {
             let mut meter = renderer.meter(size, &tracks, None)?;
             let mut changes = vec![Changes::default(); tracks.len()];
             let mut histograms = vec![[0u64; BINS]; tracks.len()];
+            let mut counted = vec![0; tracks.len()];
             let place = output.section(|add| {
                 for frame in 0..definition.frames {
                     step(u64::from(frame), total);
@@ -311,10 +312,6 @@ impl Runner<'_> {
                     let shaded = renderer.draw_flavours(&request, splat, &stage.layers)?;
                     let (sums, _) = shaded.measure(&stage.layers, &mut meter, &vec![Some(splat); tracks.len()])?;
                     for (stream, sums) in sums.iter().enumerate() {
-                        // The first tracks are those of one resolve. The other resolves get the same shaded pixels.
-                        if let Some(count) = invalid.get_mut(stream) {
-                            *count += sums.invalid;
-                        }
                         let picture = meter.picture(gpu, stream, 0)?;
                         add(&picture)?;
                         // Videos show the last signal, which is the lit picture, if it is measured.
@@ -332,11 +329,14 @@ impl Runner<'_> {
                         if !measured {
                             continue;
                         }
+                        counted[stream] += sums.invalid;
                         histograms[stream].iter_mut().zip(&sums.histogram).for_each(|(all, &n)| *all += u64::from(n));
                     }
                 }
                 Ok(())
             })?;
+            // The first tracks are those of one resolve. The other resolves get the same shaded pixels.
+            invalid.iter_mut().zip(&counted).for_each(|(most, &count)| *most = count.max(*most));
             for (changes, histogram) in changes.iter_mut().zip(&histograms) {
                 changes.p95 = quantile(histogram, 0.95);
             }
@@ -367,11 +367,13 @@ impl Runner<'_> {
             }
             wanted = (wanted * 2).min(most);
         }
-        ensure!(
-            all.terrain.contains(&true),
-            "view `{}` shows no terrain in its last frame: move its camera, or give fewer frames",
-            unit.view
-        );
+        if !all.terrain.contains(&true) {
+            return Err(Unfit(format!(
+                "view `{}` shows no terrain in its last frame: move its camera, give fewer frames, or enlarge the picture; a changed definition needs another --out",
+                unit.view
+            ))
+            .into());
+        }
         let (albedo, lit) = (all.albedo.mean(), all.lit());
         let most_invalid = invalid.iter().copied().max().unwrap_or(0);
         if most_invalid > 0 {

@@ -77,6 +77,12 @@ impl Runner<'_> {
         let known = stage.fixed.rows.get(&how.resolve).cloned();
         let choices: Vec<(String, VariantChoice)> =
             self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
+        let with_noise = |row| Row { noise: noise.clone(), ..row };
+        if choices.is_empty() {
+            // No variant draws random numbers, and all were measured with another noise.
+            let known = known.unwrap_or_default();
+            return Ok(Outcome { rows: known.into_iter().map(with_noise).collect(), times: Vec::new() });
+        }
         let needed = flavours_of(&stage.renderer, &self.variants).context("no variant can be shaded in this scene")?;
         let variants: Vec<Option<Variant>> = choices.iter().map(|(_, choice)| composed(*choice)).collect();
         let scene = stage.renderer.scene().name.clone();
@@ -155,7 +161,7 @@ impl Runner<'_> {
         self.gpu.check()?;
         let fixed = &mut self.stage.as_mut().context("the renderer was not prepared")?.fixed;
         match known {
-            Some(known) => rows.extend(known.into_iter().map(|row| Row { noise: noise.clone(), ..row })),
+            Some(known) => rows.extend(known.into_iter().map(with_noise)),
             None => {
                 let names: Vec<&String> = self.variants.iter().filter(|(_, choice)| !how.draws(*choice)).map(|(name, _)| name).collect();
                 fixed.rows.insert(how.resolve, rows.iter().filter(|row| names.contains(&&row.variant)).cloned().collect());

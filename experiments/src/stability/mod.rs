@@ -45,7 +45,7 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Returns the row with its numbers rounded to four significant digits. Two recorded tables then do not differ because of rounding errors.
+    /// Returns the row with its numbers rounded to four significant digits. So rounding errors alone do not make two recorded tables differ.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }

@@ -31,7 +31,7 @@ use kernels::shared::signal::Signal;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
-use crate::process::check_interrupted;
+use crate::process::{Unfit, check_interrupted};
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
 
@@ -325,19 +325,19 @@ impl Run {
             progress(before, total);
             let step = |done: u64, of: u64| progress(before + (STEPS * done.min(of)).checked_div(of).unwrap_or(0), total);
             let unit = &share.unit;
-            go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome)).with_context(
-                || {
-                    // `check` has no --resume.
-                    let go_on = if self.manifest.small {
-                        ""
-                    } else {
-                        ": to continue from here, repeat the command with --resume (`demo` needs no --resume)"
-                    };
-                    // In a shard, parts of other shards are not counted.
-                    let number = 1 + self.shares.iter().take_while(|other| other.unit.index != unit.index).count();
-                    format!("`{}`, part {number} of {} ({}){go_on}", self.definition.name, self.shares.len(), unit.id)
-                },
-            )?;
+            let measured = go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome));
+            measured.map_err(|error| {
+                // `check` has no --resume, and a definition that cannot be measured must change.
+                let go_on = if self.manifest.small || error.is::<Unfit>() {
+                    ""
+                } else {
+                    ": to continue from here, repeat the command with --resume (`demo` needs no --resume)"
+                };
+                // In a shard, parts of other shards are not counted.
+                let number = 1 + self.shares.iter().take_while(|other| other.unit.index != unit.index).count();
+                let place = format!("`{}`, part {number} of {} ({}){go_on}", self.definition.name, self.shares.len(), unit.id);
+                error.context(place)
+            })?;
             self.done.insert(share.unit.index);
             self.remove_sequences()?;
         }

@@ -11,7 +11,7 @@ override NOISE: u32 = 0u;
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
 override TILE: u32 = 8u;
-// Whether splat blends two tiling scales, with 96 fetches. This is the reference blend.
+// Whether splat blends two tiling scales. It then takes 96 fetches and gives the reference blend.
 override TWO_TILINGS: bool = false;
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;

@@ -7,7 +7,7 @@
 // that f16 can hold. SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE: weights of luminance.
 const SIGNAL_CHOICE_FROM: u32 = 16u + SIGNAL_FETCH_BITS;
 
-// Packs a terrain pixel. A colour that is not finite gives the words of an invalid pixel, which does not count as terrain.
+// Packs a terrain pixel. If the colour is not finite, returns the words of an invalid pixel, in which the terrain bit is not set.
 fn signal_pack(colour: vec3<f32>, fetches: u32, choice: u32) -> vec2<u32> {
     let held = clamp(colour, vec3<f32>(-SIGNAL_LARGEST), vec3<f32>(SIGNAL_LARGEST));
     var second = pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu;

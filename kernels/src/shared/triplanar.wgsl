@@ -33,7 +33,7 @@ fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
     return p.xy;
 }
 
-// Converts a height gradient in the plane perpendicular to an axis to a gradient in the volume.
+// Converts a height gradient to a gradient in space. The height gradient lies in the plane perpendicular to `axis`.
 fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
     if axis == 0u {
         return vec3<f32>(0.0, g.x, g.y);

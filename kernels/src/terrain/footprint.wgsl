@@ -2,7 +2,7 @@
 
 // Returns the position of the frame's sample in a pixel, relative to the centre, in pixels. With FlipQuad, the samples of one frame lie on
 // the left edges of the pixels, and those of the next frame on the top edges. The samples lie a sixth of a pixel from the middle of the
-// edge, in alternating directions. So a pixel has four samples on its edges, which it shares with its neighbours, and they lie in four
+// edge, on alternate sides from pixel to pixel. So a pixel has four samples on its edges, which it shares with its neighbours, and they lie in four
 // different rows and four different columns.
 fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     let turn = select(vec2<f32>(0.16666667), vec2<f32>(-0.16666667), (pixel & vec2<u32>(1u)) == vec2<u32>(1u));

@@ -252,7 +252,7 @@ pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f6
     if id.lod > layout.finest_lod && grid.is_inner(world, i, j) { filtered(height, i, j) } else { height(i, j) }
 }
 
-/// Returns the materials of the splat texels -1..=65.
+/// Returns the materials of the splat texels (i, j), each index from -1 to 65: those of the node and one more on every side.
 pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let Ground { grid, source, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);

@@ -203,7 +203,11 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
 fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     let Some(run) = &panel.run else { return };
     let Some(outcome) = run.outcome() else {
-        if ui.button("Cancel run").on_hover_text("Finished parts are kept. Click again to stop at once.").clicked() {
+        if ui
+            .button("Cancel run")
+            .on_hover_text("Stops the run after its current step; finished parts are kept. A second click stops it at once.")
+            .clicked()
+        {
             run.cancel();
         }
         // The text comes after the button, so that the button does not move when the text changes.

@@ -222,7 +222,7 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and the part of a flat ground that it sees",
+        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and the part of the ground that it would see if the ground were flat",
     );
     if frozen.is_some() {
         ui.label("Culling is frozen: the nodes are those that the yellow camera sees.");

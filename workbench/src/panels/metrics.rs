@@ -33,7 +33,7 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Noise",
-        about: "Variance of the luminance of albedo over frames at each surface point, averaged over all points; then the square root",
+        about: "Square root of the mean variance: the variance of the luminance of albedo over frames at each surface point, averaged over all points",
         of: |s| Some(s.variance.sqrt()),
     },
     Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo; none if B is not drawn", of: |s| s.bias },

@@ -191,7 +191,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             }
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
-                frozen.on_hover_text("Draws the nodes and patches of the view in which culling was frozen (key C)");
+                frozen.on_hover_text("The nodes and patches drawn are those of the view in which culling was frozen. Key C ends this.");
             }
             if let Some(legend) = legend {
                 legend::show(ui, &name, words, legend);
