@@ -411,7 +411,10 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
         let cure = if bad.is_empty() {
             String::new()
         } else {
-            format!("; not so for {}: raise `spp` and `max_spp` of `reference`, or leave errors out of `metrics`", some_of(&bad, bad.len()))
+            format!(
+                "; this does not hold for {}: raise `spp` and `max_spp` of `reference`, or leave errors out of `metrics`",
+                some_of(&bad, bad.len())
+            )
         };
         (Mark::of(good == judged.len()), format!("{good} of {} {words}{signals}{cure}", judged.len()))
     });

@@ -283,8 +283,7 @@ fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
 fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     let (low, high) = if a.value(metric) <= b.value(metric) { (a, b) } else { (b, a) };
     let (from, to) = (low.value(metric), high.value(metric));
-    let is_doubtful = from < to && [a, b].iter().any(|summary| summary.is_doubtful(metric));
-    if !(from.is_finite() && to.is_finite()) || is_doubtful {
+    if !(from.is_finite() && to.is_finite()) {
         return Difference::Unclear;
     }
     if relative(from, to) < SMALL {

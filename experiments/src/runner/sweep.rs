@@ -20,7 +20,7 @@ use super::reference::Reference;
 use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
 use crate::judge;
 use crate::metrics::{self, SMALLEST_SIDE};
-use crate::process::{check_interrupted, error_line};
+use crate::process::{Unfit, check_interrupted, error_line};
 use crate::row::Row;
 use crate::significance::Areas;
 use crate::unit::{Outcome, Unit};
@@ -83,7 +83,8 @@ impl Runner<'_> {
             let known = known.unwrap_or_default();
             return Ok(Outcome { rows: known.into_iter().map(with_noise).collect(), times: Vec::new() });
         }
-        let needed = flavours_of(&stage.renderer, &self.variants).context("no variant can be shaded in this scene")?;
+        let needed = flavours_of(&stage.renderer, &self.variants)
+            .ok_or_else(|| Unfit("no variant can be shaded in this scene: give other variants, and another --out".to_owned()))?;
         let variants: Vec<Option<Variant>> = choices.iter().map(|(_, choice)| composed(*choice)).collect();
         let scene = stage.renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: &temporal };
