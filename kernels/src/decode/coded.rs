@@ -92,12 +92,14 @@ mod tests {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }
         }
-        // The rows of this PNG have 120 MB.
-        let mut header = Vec::new();
-        let mut encoder = png::Encoder::new(&mut header, 30_000_000, 1);
+        // The rows of this PNG have 120 MB. The limit is applied where the pixels begin, so that the file needs a chunk of pixels.
+        let mut wide = Vec::new();
+        let mut encoder = png::Encoder::new(&mut wide, 30_000_000, 1);
         encoder.set_color(png::ColorType::Rgba);
-        drop(encoder.write_header().expect("memory"));
-        assert!(matches!(open(Cursor::new(&header), ImageFormat::Png), Err(Fault::TooLarge(_))));
+        let mut writer = encoder.write_header().expect("memory");
+        writer.write_chunk(png::chunk::IDAT, &[]).expect("memory");
+        drop(writer);
+        assert!(matches!(open(Cursor::new(&wide), ImageFormat::Png), Err(Fault::TooLarge(_))));
         assert!(matches!(open(Cursor::new(b"GIF89a"), ImageFormat::Gif), Err(Fault::Unsupported(_))));
     }
 }
