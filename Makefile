@@ -1,7 +1,7 @@
 # The two main commands: `make demo` shows what Scree does, and `make test` checks it. Both run `make setup` first.
 #
-# Everything is built with --release into one target folder. Without optimisation, the references, the world and the software rasteriser are too slow.
-# A second profile would compile every dependency twice.
+# Everything is built with --release into one target folder, except the mutants of `make mutants-rust` and the fuzz targets. Without optimisation, the
+# references, the world and the software rasteriser are too slow. A second profile would compile every dependency twice.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -51,12 +51,12 @@ test: setup ## format, lints, documentation, every test, the notebook
 	@scripts/notebook.sh
 	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Skipped, because SCREE_DATA is not set: the tests on real elevation and real materials."; fi
 
-mutants: setup ## plants faults in the shaders of STAGE (several: a,b), SAMPLE of them (100), and lists those that no test notices
+mutants: setup ## plants SAMPLE faults (default 100) in the shaders of STAGE (several stages: a,b), and lists the faults that no test notices
 	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace --test mutants -- --stage "$(or $(STAGE),$(error give STAGE, such as STAGE=lighting))" \
 	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(ALL),--all) $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
 
-mutants-rust: setup ## plants faults in the Rust references (or in FILE, such as shared/noise.rs; several: a,b), SAMPLE of them (100), and lists those that no test notices
+mutants-rust: setup ## plants SAMPLE faults (default 100) in the Rust references (or in FILE, such as shared/noise.rs; several: a,b), and lists those that no test notices
 	@[ "$$(target/tools/bin/cargo-mutants mutants --version 2>/dev/null)" = "cargo-mutants $(CARGO_MUTANTS)" ] || \
 	    env -u RUSTC_WORKSPACE_WRAPPER $(CARGO) install --locked --root target/tools --version $(CARGO_MUTANTS) cargo-mutants
 	$(CARGO) test --release --locked --workspace --test mutants -- --rust "$(or $(FILE),references)" \

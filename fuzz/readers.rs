@@ -3,7 +3,8 @@
 //!
 //! For any bytes, a reader must return a value or an error. It must not panic, it must not allocate more memory than the number of bytes justifies,
 //! and its error must be one line. A value must be within the documented ranges, and if it can be written, reading it again must give an equal value.
-//! Each function panics if a reader violates this. Otherwise it returns whether any of its readers accepted the bytes.
+//! Each function panics if a value or an error violates this; libFuzzer limits the memory. Otherwise, the function returns whether a reader accepted
+//! the bytes.
 
 use std::fmt::Display;
 use std::io::Cursor;
@@ -44,7 +45,7 @@ pub fn scene(bytes: &[u8]) -> bool {
     true
 }
 
-/// Reads an experiment's definition as a file, and in the form in which a run stores it.
+/// Reads an experiment's definition as a file, and in the form in which a run stores it. Returns whether it was accepted as a file.
 pub fn definition(bytes: &[u8]) -> bool {
     let Some(text) = told(document::text(bytes.to_vec(), "definition")) else { return false };
     let is_whole = told(definition::parse(&text, NAME, Path::new(""))).is_some();
@@ -59,7 +60,7 @@ pub fn definition(bytes: &[u8]) -> bool {
     is_whole
 }
 
-/// Reads a heightmap in several ways. Its first bytes determine the format.
+/// Reads a heightmap with several sets of options. The first bytes determine the extension of its name, and thereby the format.
 pub fn heightmap(bytes: &[u8]) -> bool {
     let names: &[&str] = match bytes {
         [0x89, b'P', b'N', b'G', ..] => &["fuzz.png"],
@@ -101,7 +102,7 @@ pub fn heightmap(bytes: &[u8]) -> bool {
 }
 
 /// Reads the bytes as an image of a material, once for each meaning that its channels can have. Also takes each line of the bytes as the
-/// name of an image file, and assigns these files to materials.
+/// name of an image file, and assigns these files to materials. Returns whether the image was accepted with at least one meaning.
 pub fn material(bytes: &[u8]) -> bool {
     let mut is_accepted = false;
     for reading in [

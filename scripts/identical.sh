@@ -23,8 +23,8 @@ done
 
 differ=0
 say() { echo "$1: $2"; [ "$2" = identical ] || differ=1; }
-# Older builds store the tiles of a picture in the order in which threads finish them. If the bytes of two files differ, the pixels are therefore
-# compared.
+# Older builds store the tiles of an OpenEXR file in the order in which threads finish them. If the bytes of two files differ, the pixels are
+# therefore compared.
 for camera in cliff ground vista grazing; do
     before_after=("$work/before/$camera.exr" "$work/after/$camera.exr")
     if cmp -s "${before_after[@]}" || "$after" compare "${before_after[@]}" --metric mse | grep -q 'identical'; then

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks that a new machine has what `make demo` and `make test` need: Rust, compilers and a Vulkan driver. If there is no driver, this script
-# installs Mesa's software driver on Debian and Ubuntu and reports it. On other systems it prints what to install.
+# installs Mesa's software driver on Debian and Ubuntu and reports it. On other Linux systems it prints what to install.
 #
 # Debian 12 has Mesa 22.3.6, which takes minutes to compile a shading pipeline with anisotropic filtering. On Debian 12 the driver is therefore
 # installed from bookworm-backports. These variables change this:
@@ -9,7 +9,7 @@
 #   CI=true                the same as SCREE_BACKPORTS=1, but only if the machine has no GPU driver
 set -euo pipefail
 
-# scripts/test_setup.sh sets this variable to a folder that the script then uses as the root of the file system.
+# scripts/test_setup.sh sets SCREE_SETUP_ROOT to a folder that this script then uses as the root of the file system.
 root="${SCREE_SETUP_ROOT:-}"
 sources="$root/etc/apt/sources.list.d"
 own_source="$sources/scree-backports.sources"
@@ -55,7 +55,7 @@ has_loader() {
     local ldconfig
     ldconfig="$(command -v ldconfig || echo /sbin/ldconfig)"
     [ -x "$ldconfig" ] || return 0
-    # `grep -q` is not used, because it stops reading at the first match. ldconfig would then fail, and because of pipefail the pipeline, too.
+    # `grep -q` is not used, because it stops reading at the first match. ldconfig would then fail, and with pipefail the pipeline would also fail.
     "$ldconfig" -p | grep 'libvulkan\.so\.1' >/dev/null || [ -n "${LD_LIBRARY_PATH:-}" ]
 }
 
@@ -79,7 +79,7 @@ is_old() {
     [ "${upstream%%.*}" -lt "$good_mesa" ]
 }
 
-# Prints the version of the installed package without Debian's part; prints nothing if the package is not installed.
+# Prints the version of the installed package mesa-vulkan-drivers without Debian's revision; prints nothing if the package is not installed.
 mesa_version() {
     # shellcheck disable=SC2016 # the fields are dpkg-query's
     dpkg-query -W -f '${db:Status-Status} ${Version}\n' mesa-vulkan-drivers 2>/dev/null | awk '$1 == "installed" { sub(/-[^-]*$/, "", $2); print $2; exit }' || true
@@ -258,7 +258,7 @@ fi
 if [ -n "$missing" ]; then
     say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: $missing"
     read -ra packages <<<"$missing"
-    # In a new image, the package lists may be missing or old. They are therefore fetched if the first attempt fails.
+    # In a new container image, the package lists may be missing or old. They are therefore fetched if the first attempt fails.
     install_packages "${packages[@]}" || { update_lists && install_packages "${packages[@]}"; } ||
         fail "apt-get could not install $missing: its messages are above; install the packages by hand and call make again"
 fi

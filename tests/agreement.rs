@@ -112,7 +112,7 @@ impl Case {
 // ---------------------------------------------------------------- the probes
 
 /// Special vectors: too short to have a direction, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. The
-/// octahedral code of a direction along an axis is exact in any precision. One step of f32 is the smallest deviation from an axis.
+/// octahedral code of a direction along an axis is exact in any precision. "One step of f32" means a change by [`EPS`], the step of f32 at 1.
 fn directions() -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3], [2e-30, 0.0, 0.0], [1e-31, -1e-31, 1e-31], [9e29, -5e29, 1e29], [3e-30, 4e-30, -5e-30]];
     for axis in 0..3 {
@@ -188,9 +188,9 @@ const CASES: &[Case] = &[
         other_side_at_most: 24 + 300,
         mutants: &[
             // In this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences from the
-            // prediction than the encoder; two lattice points share an index; a plane that belongs on the plain lattice is rounded to the fine one;
-            // the ray may see the stored plane from behind; the plane's normal may have z < 0; the first lattice point around the normal is chosen
-            // instead of the nearest; a vector is not normalised.
+            // prediction than the encoder; two lattice points share an index; a plane is rounded to the fine lattice instead of the coarse (plain)
+            // one; the ray may see the stored plane from behind; the plane's normal may have z < 0; the first lattice point around the normal is
+            // chosen instead of the nearest; a vector is not normalised.
             ("normal_pair", "(p + NORMAL_PAIR_FINE + 4) >>", "(p + NORMAL_PAIR_FINE) >>"),
             ("normal_pair", "(low - predicted + 16)", "(low - predicted)"),
             ("normal_pair", "* (2 * half + 1) + (p.x", "* (2 * half) + (p.x"),
@@ -218,7 +218,7 @@ const CASES: &[Case] = &[
                         }
                     }
                 }
-                // Level ground at critical elevations, and one step of f32 below and above each of them. A third of a metre is a border between
+                // Horizontal ground at critical elevations, and one step of f32 below and above each of them. A third of a metre is a border between
                 // cells. At the square root of 2 times a power of two, the finest scale changes. At a power of two (1024), it must not change.
                 let root = std::f32::consts::SQRT_2.next_up();
                 for border in [BORDER as f32, root, 512.0 * root, -512.0 * root, 1024.0] {
@@ -462,8 +462,8 @@ const CASES: &[Case] = &[
             rows
         },
         // Limit for rows that lie, to within the error, on a border between two cells of the lattice, or at which the number of hexagons per sector
-        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. Some random rows are
-        // expected, and the special rows at a corner of a cell or one step off it.
+        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. The expected rows are
+        // some random rows, and the special rows at a corner of a cell or one step off it.
         other_side_at_most: 32,
         mutants: &[
             // In this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same texture

@@ -172,7 +172,7 @@ fn a_missing_spacing_hides_no_truer_fault() {
         assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
         import(&pipe, &["pipe.exr is a device or a pipe"]);
     }
-    // Negative control: a file that is right lacks only the spacing.
+    // Negative control: for a valid file, the error says that the spacing is missing.
     let samples: Vec<u8> = (0..16u16).flat_map(|sample| (sample * 999).to_le_bytes()).collect();
     fs::write(folder.path("right.raw"), samples).expect("written");
     import(&folder.path("right.raw"), &["right.raw", "does not say how far apart its samples are", "give --metres-per-texel"]);

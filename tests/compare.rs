@@ -11,7 +11,7 @@ use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
-/// Lossless compression of tiles in a fixed order, so that the bytes of a file do not depend on the timing of threads.
+/// Lossless compression. The tiles of the OpenEXR file have a fixed order, so its bytes do not depend on the timing of threads.
 const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
 
 /// Name of a channel, and a function that returns the channel's value from the index of a texel.
@@ -134,7 +134,7 @@ fn a_difference_is_measured_printed_and_drawn() {
     close(&found["mrse"], (1.0 - r).powi(2) / (r * r + 0.01) / 2.0, 1e-4);
     close(&found["psnr_db"], -10.0 * ((155.0 / 255.0f64).powi(2) / 2.0).log10(), 1e-5);
     assert!(found.get("flip").is_none() && found["pixels"] == 192 && found["identical"] == false, "{found}");
-    // MRSE is relative to B, so the result changes if A and B are exchanged.
+    // MRSE is relative to the reference, which is the second picture, so the result changes if the two pictures are exchanged.
     close(&json(&[&reference, &test, "--metric", "mrse"])["mrse"], (1.0 - r).powi(2) / 1.01 / 2.0, 1e-6);
     let map = image::open(&map).expect("the map is there").into_rgb8();
     assert_eq!(map.dimensions(), (16, 12));

@@ -305,7 +305,7 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
             |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2.0 * a.abs().max(b.abs()) / 2048.0 + 1e-6);
         let wrong = eight.iter().zip(&other).filter(|pair| !close((pair.0, pair.1))).count();
         assert_eq!(wrong, 0, "tiles of {tile} pixels shade {wrong} pixels differently");
-        // A picture has more tiles of 4 pixels and fewer tiles of 16 pixels than tiles of 8 pixels.
+        // A picture has more tiles of 4 x 4 pixels and fewer tiles of 16 x 16 pixels than tiles of 8 x 8 pixels.
         assert_eq!(counts[0] > tiles[0], tile < 8, "{} tiles of {tile}, {} of 8", counts[0], tiles[0]);
     }
     assert!(Renderer::with(gpu(), &scene, RendererOptions { tile: 5, ..RendererOptions::default() }, &|_| {}).is_err());

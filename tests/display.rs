@@ -13,7 +13,7 @@ use crate::fixtures::{gpu, renderer, request};
 /// error of `pow` stays below 1e-5. At the largest value, 255, this is a difference of 0.003.
 const CODE: f64 = 0.01;
 
-/// Changes a request, so that the picture is also tone-mapped with this exposure and returned.
+/// Changes a request, so that the renderer also tone-maps the picture with this exposure and returns the result in `Picture::displayed`.
 fn displayed(request: &mut RenderRequest, exposure: Exposure) {
     request.outputs.displayed = true;
     request.stages.display = exposure;

@@ -105,7 +105,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(differing(&picture, &before) > 0);
     before = picture;
 
-    // A mask removes the material from the area around the stroke.
+    // A painted mask sets the weight of the original material (`lies`) to 0 around the first stroke.
     scene.strokes.push(Stroke { kind: StrokeKind::Mask, material: lies.clone(), radius_m: 20.0, fade_m: 5.0, ..stroke });
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -196,7 +196,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     // With an LOD bias of one level, fewer nodes and patches are drawn.
     let coarse = renderer.render(&base.with(|r| r.geometry.lod_bias = 1.0)).expect("renders");
     assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
-    // If only every second vertex is used, the nodes and patches are the same, but the surface is different. It must have no cracks, either.
+    // If only every second vertex is used, the nodes and patches are the same, but the surface is different.
     let sparse = renderer.render(&base.with(|r| r.geometry.vertex_stride = 2)).expect("renders");
     assert_eq!((&sparse.report.drawn, sparse.report.patches), (&plain.report.drawn, plain.report.patches));
     assert!(differing(&sparse, &plain) > 0);

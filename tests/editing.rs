@@ -121,7 +121,7 @@ fn clicks_paint_dabs_that_are_listed_and_removed() {
     assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m")), "{:?}", stage.names());
     let dab = shown(&mut stage);
     assert!(differing(&before, &dab) > 0);
-    // A mask is painted over the dab. It fades out towards its edge, where the splat rules determine the material again.
+    // A mask is painted over the dab. It changes the weights of the splat rules, and this change fades out towards the edge of the mask.
     take(&mut stage, "click Brush kind; click Mask; set Brush fade = 1; set Brush amount = 0.5; click Picture");
     let strokes = stage.model().settings.scene.strokes.clone();
     assert_eq!((strokes.len(), strokes[1].kind, strokes[1].fade_m, strokes[1].amount), (2, StrokeKind::Mask, 1.0, 0.5));

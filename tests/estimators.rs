@@ -141,8 +141,8 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
         }
     }
-    // A second tiling of splat doubles the fetches of the estimators for which it is defined (biplanar), and does not change the fetches of the other
-    // estimators.
+    // A second tiling of splat doubles the fetches of the estimators for which it is defined. Of the estimators tested here, that is only biplanar.
+    // It does not change the fetches of the other estimators.
     for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
         let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
         let picture = renderer
@@ -162,7 +162,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
 fn random_estimators_have_their_means() {
     // Null hypothesis: the mean of an estimator's pictures over all seeds is the picture of `Estimator::mean`. For each seed, the differences of all
     // pixels from that picture are summed with the signs of a fixed pattern, which gives one number. The numbers of different seeds are independent.
-    // There are 7 pictures x 4 patterns = 28 tests, with a family-wise level of 0.001 (Sidak correction).
+    // There are 7 rows in the table below x 4 patterns = 28 tests, with a family-wise level of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 28.0);
@@ -180,7 +180,7 @@ fn random_estimators_have_their_means() {
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
     // Columns: estimator; flavour; camera; flavour of the mean; a negative control, which is an estimator and a flavour whose picture must be
-    // rejected as the mean. (On level ground, a blend of three projections hardly differs from a single projection.)
+    // rejected as the mean. (On horizontal ground, a blend of three projections hardly differs from a single projection.)
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),

@@ -315,7 +315,7 @@ fn definitions_of_scripts_are_right() {
         definition::load(&file).unwrap_or_else(|error| panic!("{error:#}"))
     };
     assert!(load("identical.toml").measures("rmse"));
-    // `make judges` needs videos of the lit picture, and at least 24 clips of at least 8 seeds. Each clip is shown at two frame rates.
+    // `make judges` needs videos of the lit picture, and at least 24 clips of at least 8 seeds. The same frames at two frame rates are two clips.
     let clips = load("judges/clips.toml");
     assert!(clips.video && clips.signals.iter().any(|signal| signal == "lit") && clips.measures("perceived_noise"));
     let count = 2 * clips.view_names().count() * clips.variants.len() * clips.noises.len() * clips.temporal.len();
@@ -369,8 +369,8 @@ fn the_plan_is_ordered_and_complete() {
     assert!(units.iter().all(|unit| unit.id.chars().all(plain) && unit.id.len() < 200));
 }
 
-/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard, which is a part that measures against a reference,
-/// comes after its reference.
+/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard comes after the reference that it measures against,
+/// and that the shard keeps the rows of all its parts, except for some references.
 fn kept(units: &[Unit], shard: Shard) -> Vec<usize> {
     let shares = share(units, Some(shard));
     for (i, part) in shares.iter().enumerate().filter(|(_, part)| matches!(part.unit.work, Work::Sweep { .. })) {
@@ -391,7 +391,7 @@ fn shards_are_disjoint_and_whole() {
             assert_eq!(all, (0..units.len()).collect::<Vec<_>>(), "{count} shards");
         }
     }
-    // Negative control: shards of different splits keep some parts twice and others not at all.
+    // Negative control: shard 1/2 and shard 2/3 belong to different splits, so together they do not keep each part exactly once.
     let units = plan(&trial());
     let (one, two) = (kept(&units, Shard { number: 1, count: 2 }), kept(&units, Shard { number: 2, count: 3 }));
     let mut mixed: Vec<usize> = one.into_iter().chain(two).collect();
@@ -500,7 +500,7 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
         let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
         let outcome = run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &go_on);
         assert_eq!(outcome.is_ok(), stop + 1 == count);
-        // Write the files that a process leaves behind if it is killed while it writes.
+        // Creates files such as those that a process leaves behind if it is killed while it writes.
         fs::write(stopped.0.join("trial/parts/00001-x.parquet.7.tmp"), b"half").unwrap();
         fs::write(stopped.0.join("trial/metrics.csv.7.tmp"), b"half").unwrap();
         if stop + 1 < count {
@@ -1003,7 +1003,7 @@ fn foreign_table(file: &Path, schema: &str, notes: bool) {
     writer.close().unwrap();
 }
 
-/// Returns the error for a table that has the columns of this version and the schema of the version before.
+/// Returns the error for a table that has the columns of this version, but the schema number 1 of an earlier version.
 fn other_version(file: &Path) -> String {
     write(file, &sample_rows(), 25);
     let sound = fs::read(file).unwrap();

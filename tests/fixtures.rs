@@ -110,7 +110,8 @@ pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     2.0 * student.cdf(-t.abs())
 }
 
-/// Sign (+1 or -1) of a pixel in the fixed random pattern with this number. In pattern 0, all signs are +1.
+/// Sign (+1 or -1) of one value of a picture in the fixed random pattern with this number. `pixel` is the index of the value among all values of the
+/// picture. In pattern 0, all signs are +1.
 pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }

@@ -50,9 +50,9 @@ const KERNELS: &Floors = &[
     &["shared"],                   // functions that stages share, WGSL and f64
     &["gpu"],                      // the device
     &["scene"],                    // the content of a scene file
-    &["view", "decode", "blocks"], // the camera; files into arrays; block compression
+    &["view", "decode", "blocks"], // the camera; decoding of files into arrays; block compression
     &["world", "materials"],       // node payloads and textures, on the CPU
-    &["import", "quadtree"],       // a heightmap becomes a scene; which nodes are drawn
+    &["import", "quadtree"],       // import of a heightmap as a scene; choice of the nodes that are drawn
     &["culling", "residency"],
     &["terrain"], // terrain data on the device, which several stages use
     &["stage"],   // what a stage declares
@@ -63,7 +63,7 @@ const KERNELS: &Floors = &[
     &["display"],
     &["composition"],     // composes pictures, and lights and displays them
     &["frame"],           // the stages in their order
-    &["oracle", "probe"], // references and probes that check the others
+    &["oracle", "probe"], // references and probes that check the other modules
 ];
 
 #[test]

@@ -284,7 +284,7 @@ fn crc32(data: &[u8]) -> u32 {
         .fold(!0u32, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 }))
 }
 
-/// Heights of a valley between two walls, with cliffs, slopes and flats, as 16-bit numbers.
+/// Height of a sample of a valley between two walls, with cliffs, slopes and flats, as a 16-bit number.
 fn valley(x: u32, y: u32) -> u16 {
     let across = (f64::from(x) - 60.0 + 9.0 * (f64::from(y) * 0.13).sin()).abs();
     let wall = ((across - 14.0) / 9.0).clamp(0.0, 1.0);

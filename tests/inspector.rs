@@ -74,7 +74,7 @@ fn a_pixel_says_what_the_layers_say() {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
-    // On most pixels, all texels have the same material and so the same height, which does not change the weights.
+    // On most pixels, all four splat texels have the same material and so the same height. The height blend then does not change their weights.
     assert!(bent > 0 && bent < seen, "heights changed the weights of {bent} of {seen} pixels");
     assert!(seen > 25 && found * 50 >= seen * 49, "{found} triangles for {seen} pixels");
     errors.sort_by(f64::total_cmp);
@@ -90,7 +90,7 @@ fn all_numbers_equal_their_references() {
     let (scene, world) = (renderer.scene().clone(), renderer.world().clone());
     let layout = *world.layout();
     let variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-    // The pass inspects a picture in bands of rows. This picture has several bands, and its size is not a multiple of the workgroup size.
+    // The inspection pass works in bands of rows. This picture has several bands, and its size is not a multiple of the workgroup size.
     let request = request(&renderer, "cliff").with(|r| {
         r.view.size = [61, 149];
         r.shading.variant = variant;
@@ -251,8 +251,8 @@ fn the_references_choose_what_the_shader_chose() {
         let draws = pixels.iter().filter(|pixel| pixel.draw.is_some_and(|draw| draw.flavour == flavour)).count();
         let agreeing = pixels.iter().filter(|pixel| pixel.agrees()).count();
         assert!(pixels.len() > 30 && draws == pixels.len(), "{estimator} {noise}: {draws} of {} draw", pixels.len());
-        // The shader and the reference may disagree at one pixel, because its threshold may lie on the border between two choices, or its point on
-        // the border between two cells of the noise.
+        // The shader and the reference may disagree at one pixel, because its threshold may lie on the border between two choices, or its position
+        // may lie on the border between two cells of the noise.
         assert!(agreeing + 1 >= pixels.len(), "{estimator} {noise}: {agreeing} of {} agree", pixels.len());
     }
     // Negative control: with a different seed, the references give different choices.
@@ -284,7 +284,8 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
             pages.insert(page.id);
         }
     }
-    // If a pixel lies within a thousandth of the border between two levels of the virtual texture, the frame requests the pages of both levels.
+    // If the level of a pixel, before it is rounded down, is within 0.001 of the border between two levels of the virtual texture, the frame requests
+    // the pages of both levels.
     let said = pages.len();
     assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame requested {wanted}");
     // Without the flavour of the virtual texture, a pixel has no page.

@@ -45,7 +45,7 @@ fn go(stage: &mut Stage, pose: Pose) {
     stage.settle().expect("a picture");
 }
 
-/// Distance between the view direction and the direction to a place, both as unit vectors: 2 sin of half the angle between them.
+/// Distance between the view direction and the direction to a point (`place`), both as unit vectors: 2 sin of half the angle between them.
 fn beside(pose: &Pose, place: DVec3) -> f64 {
     let [_, _, forward] = pose.axes();
     (place - pose.position).normalize_or_zero().distance(forward)
@@ -62,7 +62,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     stage.settle().expect("a picture");
     let probed = shown(&mut stage).pixel.as_ref().expect("ground at the bottom").position;
 
-    // The place of the inspected (probed) pixel moves to the middle of the picture and stays there.
+    // The surface point of the inspected (probed) pixel moves to the middle of the picture and stays there.
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited().map(|place| place.to_array()), Some(probed));
     let at = pose(&mut stage);
@@ -70,7 +70,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited(), None);
 
-    // If no pixel is inspected, the camera orbits the place in the middle of the picture, which is computed from the depth there.
+    // If no pixel is inspected, the camera orbits the surface point in the middle of the picture, which is computed from the depth there.
     stage.model().probe = None;
     go(&mut stage, start);
     take(&mut stage, "click Orbit");
@@ -90,7 +90,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
         assert!(beside(&at, target) < 1e-9 && (at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "{at:?}");
     }
 
-    // Two notches of the mouse wheel move the camera nearer. The movement keys move the orbited place together with the camera.
+    // Two notches of the mouse wheel move the camera nearer. The movement keys move the orbited point together with the camera.
     stage.scroll(100.0).expect("a picture");
     let near = pose(&mut stage);
     let share = near.position.distance(target) / distance_m;
@@ -110,7 +110,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     assert_eq!(stage.model().orbited(), None);
     assert!(says(&stage, "m/s"), "{:?}", stage.names());
 
-    // If the camera sees only sky, it orbits a place at some distance in front of it.
+    // If the camera sees only sky, it orbits a point at some distance in front of it.
     take(&mut stage, "key F");
     let up = Pose { pitch: 1.2, ..start };
     go(&mut stage, up);

@@ -163,7 +163,7 @@ fn procedural_materials_tile_without_a_seam() {
         let ratio = seam(&green, 128, 128);
         assert!(ratio < LIMIT, "{name}: albedo's step across the edge is {ratio:.2} times the greatest inside");
     }
-    // Negative control: the first half of a tile does not continue at its own edge, so it has seams.
+    // Negative control: the first 128 rows and columns of a map of 256 x 256 texels do not continue at their own edge, so this part has seams.
     for name in ["granite", "mud", "sand", "snow", "limestone"] {
         let ratio = seam(&make(name, 256).height, 256, 128);
         assert!(ratio > LIMIT, "{name}: this test finds no seam in a cropped tile ({ratio:.2})");
@@ -311,8 +311,8 @@ fn compressed_albedo_and_normals_stay_close_to_the_maps() {
         let mut shifted = decoded;
         shifted.rotate_left(128 * 256 + 128);
         assert!(psnr(&original, &shifted) < db - 6.0, "{name}: this test does not detect a shifted image");
-        // In a block, the x of normals is the alpha channel, which has eight levels of its own. The y of normals is the green channel, which has four
-        // levels and shares them with the red and blue channels (smoothness and occlusion).
+        // In a BC3 block, the x of normals is the alpha channel, which can take eight values. The y of normals is the green channel. It can take the
+        // values of only four colours, which also contain smoothness (red) and occlusion (blue).
         let decoded = layers.normal.decode(0);
         let rms = |axis: usize, channel: usize| {
             mean(maps.normal.iter().zip(&decoded).map(|(n, t)| (f64::from(n[axis]) - (f64::from(t[channel]) / 127.5 - 1.0)).powi(2))).sqrt()
@@ -442,7 +442,7 @@ fn palettes_too_large_are_refused_before_any_texture_is_read() {
     let text = build(&scene(64, &many)).expect_err("257 materials");
     assert!(text.contains("257") && text.contains("256"), "{text}");
     assert!(build(&scene(64, &many[..256])).is_ok(), "256 materials of one texture fit");
-    // The folders do not exist. If they were opened before the check, the error would be about a missing folder.
+    // The folders do not exist. If they were opened before the number of textures is checked, the error would be about a missing folder.
     let folders: Vec<String> = (0..=MAX_LAYERS).map(|i| format!("name = \"m{i}\"\nfolder = \"missing{i}\"\ntile_m = 3.0")).collect();
     let text = build(&scene(64, &folders)).expect_err("33 textures");
     assert!(text.contains("33 distinct") && text.contains("in several materials"), "{text}");
@@ -495,7 +495,7 @@ fn a_folder_is_read_with_its_top_row_at_v_1() {
     // At a quarter of the size, the white row is one of four rows that are averaged in linear light.
     let small = folder::load("m", &dir, 16).expect("a whole folder");
     assert!((small.albedo[15 * 16 + 3][0] - 0.25).abs() < 1e-4, "{:?}", small.albedo[15 * 16 + 3]);
-    // The first height is the mean of the lowest four rows of the image, whose height codes are 240, 244, 248 and 252.
+    // The first height is the mean of the four rows at the bottom of the image, whose height codes are 240, 244, 248 and 252.
     assert!((small.height[0] - 246.0 / 255.0).abs() < 1e-4, "{}", small.height[0]);
     // The mean must not change if the new size does not divide the size of the image, or is larger.
     let odd = folder::load("m", &dir, 24).expect("a whole folder");

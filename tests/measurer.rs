@@ -10,11 +10,11 @@ use ::experiments::row::Row;
 use ::experiments::store::Provenance;
 use ::experiments::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the files of the reference, as measured
-/// numbers do. It does not notice damaged references.
+/// A stand-in for the renderer. Its values of `rmse` and `ssim` depend on the part, on the settings of the definition, and on the bytes of the files
+/// of the reference, as measured errors do. The stand-in does not notice damaged references.
 pub(crate) struct Fake {
     pub(crate) definition: Definition,
-    /// Mixed into every number; 0, except in negative controls.
+    /// Mixed into every pseudo-random number; 0, except in negative controls.
     pub(crate) salt: u64,
     /// Time that each variant takes.
     pub(crate) pause: Duration,
@@ -73,7 +73,7 @@ impl Measure for Fake {
             if let Work::Timing { .. } = unit.work {
                 let unique = 1.0 + self.calls.get() as f64 + f64::from(std::process::id());
                 let time = if self.times_repeat { self.number(&format!("{}/{variant}", unit.id)) } else { unique };
-                // The unit is wrong on purpose: the store must replace it.
+                // The unit of the time is wrong on purpose: the store must replace it.
                 outcome.times.push(Row { unit: "wrong".to_owned(), standard_error: Some(0.0), ..row(variant, "gpu_ms:shading", time) });
                 continue;
             }

@@ -71,7 +71,7 @@ fn ragged(frame: u32) -> Vec<[u32; 2]> {
         .collect()
 }
 
-/// Returns the picture of [`ragged`], in which some colours are not finite.
+/// Returns the picture of [`ragged`], but with some colours that are not finite.
 fn ragged_and_invalid(frame: u32) -> Vec<[u32; 2]> {
     let broken = |i: usize| uniform(i, frame, 28) < 0.02;
     let pixel = |(i, s): (usize, [u32; 2])| {
@@ -135,9 +135,9 @@ fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
 fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
     // For two independent normal numbers X and Y of variance s², |X - Y| has mean 2 s / sqrt(pi) and variance 2 s² - 4 s² / pi. Its 95 % quantile is
     // sqrt(2) s times the 97.5 % quantile of the standard normal distribution. A pixel is rejected if its value in the previous frame lies outside
-    // the range of the nine values in the 3 x 3 box around it. That value is independent of the nine values, so it is the smallest or the largest of
-    // the ten with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the metrics have these values. There
-    // are 4 lags x 2 + 2 = 10 tests, which share a significance level of 0.001 (Sidak).
+    // the range of the nine current values in the 3 x 3 box around it. The previous value is independent of the nine values, so it is the smallest or
+    // the largest of the ten with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the metrics have
+    // these values. There are 4 lags x 2 + 2 = 10 tests, which share a significance level of 0.001 (Sidak).
     const S: f64 = 0.05;
     const FRAMES: u32 = 12;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 10.0);
@@ -271,8 +271,8 @@ fn sums_of_ragged_pictures_equal_their_reference() {
     }
 }
 
-/// Compares the sums of the last of several pictures with their sums in the reference. The pictures of the reference sequence are known from frame
-/// `since` on.
+/// Compares `found`, the sums of the last of several pictures, with the sums that `reference::measure` computes for this picture. `references` are
+/// the pictures of the reference sequence, which are known from frame `since` on.
 fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], references: &[Vec<[u32; 2]>], since: usize, links: &[u32]) {
     let index = pictures.len() - 1;
     let known = |frame: usize| (frame >= since).then_some(references[frame].as_slice());
@@ -349,8 +349,8 @@ fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize
 
 #[test]
 fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
-    // Q: standard deviation of white detail, which the reference aliases differently in each frame. S: standard deviation of white noise in the
-    // tested picture. A: height of a step.
+    // Q: standard deviation of fine detail in the reference. It is white noise, because it is aliased differently in each frame. S: standard
+    // deviation of white noise in the tested picture. A: height of a step.
     const Q: f64 = 0.05;
     const S: f64 = 0.03;
     const A: f64 = 0.125;
@@ -450,9 +450,9 @@ fn an_error_that_moves_with_the_surface_has_no_residual() {
 
 #[test]
 fn what_an_eye_remembers_has_its_closed_forms() {
-    // The remembered error is an exponential mean, in which a new frame has the weight a (`adaptation`). It reduces white noise that changes in each
-    // frame, of the deviation S, by the factor sqrt(a / (2 - a)). The first frames count equally: while 1/n > a, the mean of n frames is remembered.
-    // Noise that is fixed to the surface is not reduced.
+    // The remembered error is an exponential mean, in which a new frame has the weight a (`adaptation`). White noise that changes in each frame has
+    // the standard deviation S, which the mean reduces by the factor sqrt(a / (2 - a)). The first frames count equally: while 1/n > a, the mean of n
+    // frames is remembered. Noise that is fixed to the surface is not reduced.
     const S: f64 = 0.05;
     const FRAMES: u32 = 40;
     let gpu = gpu();
@@ -697,7 +697,7 @@ fn moments_hold_at_the_extremes() {
 
 #[test]
 fn resolves_agree_with_their_reference() {
-    // Links lead to any pixel nearby, or to none. Positions lie anywhere around the pixel, also outside the picture.
+    // Links lead to a pixel nearby, or to none. Positions are up to 1.5 pixels away from the pixel along each axis, also outside the picture.
     let size = RAGGED[0];
     let width = size[0] as usize;
     let position = |i: usize| {
@@ -705,7 +705,8 @@ fn resolves_agree_with_their_reference() {
         [(i % width) as f64 + off(40), (i / width) as f64 + off(41)].map(|v| v as f32)
     };
     let picture = |f: u32| -> Vec<[u32; 2]> {
-        // An area of the picture is sky in all frames, and single pixels are sky in different frames. A fifth of the pixels has colours without blue.
+        // The upper left corner of the picture is sky in all frames, and single pixels are sky in different frames. A fifth of the pixels has colours
+        // without blue.
         let sky = |i: usize| (i % width) < 5 && (i / width) < 9 || uniform(i, f, 7) < 0.03;
         let blue = |i: usize| if uniform(i, 0, 8) < 0.2 { 0.0 } else { 0.5 };
         let colour = |i: usize| [0.1 + uniform(i, f, 5), uniform(i, f, 6), blue(i)].map(|v| v as f32);

@@ -33,8 +33,8 @@ fn seen(frame: &Frame<'_, '_>) -> Seen {
 
 #[test]
 fn links_equal_their_reference() {
-    // A wall has depths that differ much from pixel to pixel. The rows of the ground have nearly equal depths, so that a wrong link to another row or
-    // to the opposite edge of the picture is not rejected by its depth.
+    // The camera `cliff` sees a wall, whose depth differs much from pixel to pixel. The camera `ground` sees ground, whose depth is nearly the same
+    // in neighbouring rows of pixels. There, a wrong link to another row or to the opposite edge of the picture is not rejected by its depth.
     compare("cliff", 1.0, None);
     compare("ground", 0.1, None);
     // A camera 20 cm above the ground.
@@ -60,7 +60,7 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
     let mut frames: Vec<Seen> = Vec::new();
     let mut before: Vec<u32> = Vec::new();
     let (mut linked, mut hidden, mut uncertain, mut outside) = ([0; LAGS], 0, 0, 0);
-    // The camera moves in all directions and turns. Points come into view, leave the picture, and appear behind others.
+    // The camera moves in all directions and turns. Points come into the picture, leave it, and appear from behind nearer points.
     for index in 0..6u32 {
         let step = f64::from(index);
         let request = base.with(|r| {
@@ -85,7 +85,7 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
                 let pixel = [at as u32 % SIZE[0], at as u32 / SIZE[0]];
                 let found = of_lag[at];
                 if lag > 1 && !in_quarter(pixel, index % 4) {
-                    // The links of other quarters are left as they were.
+                    // At lags above 1, the pass writes the links of only one quarter. The links of the other quarters must stay as they were.
                     assert_eq!(found, before.get((lag - 1) * PIXELS + at).copied().unwrap_or(0), "frame {index}, lag {lag}, pixel {at}");
                     continue;
                 }
@@ -104,7 +104,8 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
                 assert_eq!(found, wanted, "frame {index}, lag {lag}, pixel {at}: {expected:?}");
                 if lag == 1 {
                     let position = expected.position.unwrap_or([-1e9; 2]);
-                    // Positions in f32 have an error of less than 1e-3 pixels; see the test of reprojection.
+                    // Positions in f32 have an error of less than 1e-3 pixels; see `reprojection_agrees` in `agreement.rs`. The tolerance is 1e-3
+                    // pixels, multiplied by the column of the position if the column is above 1.
                     let tolerance = 1e-3 * position[0].abs().max(1.0);
                     let is_close = (0..2).all(|k| (f64::from(positions[at][k]) - position[k]).abs() < tolerance);
                     assert!(is_close, "frame {index}, pixel {at}: {:?}, {position:?}", positions[at]);
@@ -119,7 +120,7 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
         before = links;
     }
     println!("{camera}: {linked:?} linked to other pixels, {hidden} were not seen, {uncertain} are uncertain, {outside} are sky");
-    // All cases occur, and the reference leaves few pixels undecided.
+    // All cases occur, and few links are uncertain (`Link::is_uncertain`).
     assert!(linked.iter().all(|&count| count > 1000), "{camera}: {linked:?}");
     assert!(above_m.is_some() || hidden > 500 && outside > 500, "{camera}: {hidden} {outside}");
     assert!(uncertain * 50 < linked.iter().sum::<usize>(), "{uncertain} of {linked:?}");

@@ -6,8 +6,8 @@
 //!
 //! `make mutants-rust` does the same for Rust ([`rust_mutants`]).
 //!
-//! Without arguments, as `cargo test` calls it, this program checks a fixed list of mutants that must be killed: the negative controls of the test
-//! suite.
+//! Without arguments, as `cargo test` calls it, this program checks the negative controls of the test suite: a fixed list of mutants that must be
+//! killed, and the three shaders of [`SPOILT`].
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -140,7 +140,7 @@ fn main() -> ExitCode {
     } else if arguments.is_empty() || arguments.iter().all(|argument| argument == "mutants" || argument.starts_with("--test-threads")) {
         controls()
     } else {
-        // The filter names tests of other test binaries, so there is nothing to run here.
+        // An argument of `cargo test` selects tests by name. These tests are in other test binaries, so there is nothing to run here.
         Ok(())
     };
     match result {
@@ -302,7 +302,7 @@ fn lines_of(child: &mut Child) -> mpsc::Receiver<String> {
     lines
 }
 
-/// Tests the fixed mutants of `strength.toml`: each must be noticed by its test.
+/// Tests the fixed mutants of `strength.toml`: each must be noticed by its test. Then runs a test on each shader of [`SPOILT`].
 fn controls() -> Result<()> {
     let controls = strength()?.control;
     ensure!(!controls.is_empty(), "strength.toml has no [[control]]");
@@ -417,7 +417,7 @@ fn order(seed: u32, index: usize) -> u32 {
     hash::pcg4d([seed, u32::try_from(index).unwrap_or(u32::MAX), 17, 29])[0]
 }
 
-/// Opens the table of a stage or path. Returns the rows of the mutants that need not be tested again, by the hash of their text.
+/// Opens the table of a stage or path. Returns the table, and the rows of the mutants that need not be tested again, by the hash of their text.
 fn earlier(args: &Args, name: &str) -> Result<(Table, BTreeMap<String, Row>)> {
     let (table, rows) = Table::open(&args.out.join(format!("{name}-{}.csv", args.seed)))?;
     let is_kept = |row: &Row| !(args.again && row.outcome == Outcome::Survived);

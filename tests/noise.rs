@@ -94,7 +94,8 @@ fn decisions_are_independent_within_pictures_that_are_arranged() {
         }
     }
     // There are two negative controls. In the first, all decisions use the rank of the first decision. In the second, two decisions use interleaved
-    // gradient noise at different shifts, but without the reflections and exchanges of x and y that make decisions independent in the kernel.
+    // gradient noise at different shifts, but without the reflections and exchanges of x and y that make the decisions of
+    // `noise::interleaved_gradient` independent.
     let shared = |i: u32| -> [f64; 4] {
         let ([x, y], frame) = somewhere(i);
         let rank = blue_noise::ranks()[noise::rank_index(NoiseKind::SpatioTemporalBlue, [x, y], frame, i, 3, 0) as usize];
@@ -312,9 +313,9 @@ fn each_decision_reads_each_entry_of_its_mask_once() {
 
 #[test]
 fn interleaved_gradient_noise_is_the_published_one() {
-    // `published` is the formula of Jimenez in f64. The kernel uses integers. It rounds the coefficients of x, y and the frame to multiples of 2^-32,
-    // so each of them is off by at most half of 2^-32. The inner fraction is then off by at most (x + y + frame) / 2 times 2^-32, where x + y + frame
-    // is below 4000. The outer factor multiplies this error by 53.
+    // `published` is the formula of Jimenez in f64. The tested function uses integers. It rounds the coefficients of x, y and the frame to multiples
+    // of 2^-32, so each of them is off by at most half of 2^-32. The inner fraction is then off by at most (x + y + frame) / 2 times 2^-32, where
+    // x + y + frame is below 4000. The outer factor multiplies this error by 53.
     let published = |x: f64, y: f64| (52.982_918_9 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract();
     let around = |a: f64, b: f64| (a - b).abs().min(1.0 - (a - b).abs());
     let errors = |of: &dyn Fn([u32; 2], u32) -> f64| {
@@ -370,7 +371,7 @@ fn world_cells_have_the_size_asked_for() {
         let cells = 1 + (1..64 * 256).filter(|&i| at(f64::from(i) / 256.0) != at(f64::from(i - 1) / 256.0)).count();
         assert_eq!(cells, 64 << level, "level {level}");
     }
-    // The level is clamped to the range of levels, and cells do not depend on the footprint.
+    // The level is clamped to the range from `LEVEL_MIN` to the finest scale at the point, and cells do not depend on the footprint.
     assert_eq!(noise::white_world(&ground([3, 4]), i32::MAX, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MAX, 8, 3));
     assert_eq!(noise::white_world(&ground([3, 4]), i32::MIN, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MIN, 8, 3));
     let closer = HashedPoint { ddx: [1e-3; 3], hash_scale: 4.0, ..ground([3, 4]) };
@@ -402,7 +403,8 @@ fn across(axis: usize, position: [f32; 3], sector_m: f32, footprint: f32) -> Has
 #[test]
 fn a_step_of_a_coordinate_redraws_few_thresholds() {
     const POINTS: u32 = 4000;
-    // The share of points whose first threshold changes if a coordinate in `range` is moved by `steps` steps of f32, half of them up, half down.
+    // The share of points whose first threshold changes if a coordinate in `range` is moved by `steps` steps of f32: up for half of the points, down
+    // for the other half.
     let redrawn = |kind: NoiseKind, level: i32, axis: usize, range: [f64; 2], sector_m: f32, footprint: f32, steps: i32| {
         let mut random = Random(range[0].to_bits() ^ u64::from(footprint.to_bits()) << 7);
         let moves = |i: u32| {
@@ -443,7 +445,7 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
         }
     }
     assert_eq!(checked, 4 * FOOTPRINTS_M.len() * 10);
-    // Negative control: 64 steps are as long as the finest cells, or longer.
+    // Negative control: at this elevation, 64 steps are four times as long as a cell of the finest scale.
     assert!(redrawn(NoiseKind::HashedAnisotropic, WORLD_LEVEL, 2, [700.0, 701.0], 64.0, 1e-4, 64) > 0.9);
 }
 
@@ -516,7 +518,8 @@ fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
             // as that of the eye's elevation, even if the elevation of the ground is near 0.
             for height_m in [1.7, 30.0, 500.0] {
                 let share = flips(kind, ground_m, height_m, 0.01, [8; 2]);
-                // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the thresholds of the hashed kinds change by up to 1 %.
+                // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the log2 of the footprint, which determines the cells of the hashed
+                // kinds, changes by less than 0.01. Most thresholds change by even less, so few choices flip.
                 assert!(share < 0.03, "{kind}: {share} flips on ground at {ground_m} m, seen from {height_m} m above");
             }
         }

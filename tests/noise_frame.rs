@@ -1,4 +1,5 @@
-//! Tests that the shaders and the frame use the kind of noise that is requested, and its constants. `noise` tests the noise itself.
+//! Tests that the noise constants of the shaders are those of the host, and that the frame uses the kind of noise that is requested. `noise` tests
+//! the noise itself.
 
 use kernels::base::wgsl;
 use kernels::frame::VariantChoice;
@@ -54,7 +55,8 @@ fn the_frame_chooses_by_the_noise_asked_for() {
     });
     for kind in NoiseKind::ALL {
         let mut pictures = Vec::new();
-        // The first kinds need no mask. When a kind with a mask is requested for the first time, its ranks must be uploaded to the device.
+        // The first kinds need no mask. When a kind with a mask is requested for the first time, the renderer must upload the ranks of the mask to
+        // the device.
         for (frame, seed) in [(0, 5), (17, 5), (17, 6)] {
             let request = base.with(|r| {
                 r.shading.noise = kind;

@@ -28,8 +28,9 @@ fn every_kind_passes_the_tests_of_one_family() {
     println!("{} rows, {} of them tests, in {:.1?}", rows.len(), rows.iter().filter(|row| row.is_test()).count(), start.elapsed());
     let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // The avalanche effect of the hash is known to be incomplete: input bits with the number MIXED_BITS (in `stability/hashes.rs`) or higher rarely
-    // or never flip the low bits of the output. A row must show this.
+    // The avalanche effect of `hash::pcg4d` is known to be incomplete for the input bits from index MIXED_BITS (in `stability/hashes.rs`) on. If such
+    // a bit changes, a bit in the highest byte of the output changes with a probability other than one half. For some bit, the test must measure a
+    // difference of more than 0.1 from one half.
     assert!(rows.iter().any(|row| row.statistic == "avalanche of the high byte" && row.value > 0.1));
 }
 
@@ -133,7 +134,7 @@ fn finest_scale(point: &HashedPoint<f64>) -> i32 {
 
 /// Blends two scales as the kernel does, but hashes cells with `hash`.
 fn blend(point: &HashedPoint<f64>, level: f64, hash: impl Fn([u32; 3], i32) -> [f64; 4]) -> [f64; 4] {
-    // As in the kernel: at the finest level, there is no finer scale. So the two scales are the finest level and the level before it.
+    // As in the kernel: at the finest level, there is no finer scale. So the two scales are the finest level and the next coarser one.
     let finest = finest_scale(point);
     let k = if level == f64::from(finest) { finest - 1 } else { level.floor() as i32 };
     let units = |k: i32| hash(cell(point, [k; 3]), k);
@@ -202,7 +203,7 @@ const DRAWS: [&str; 7] =
 const VERDICTS: [Verdict; 5] = [
     // Only statistics with a camera detect this mutant, and only on level ground: on a steep wall it makes little difference.
     (Mutant::DpdxTwice, &[FLIPS, CLUMPING, POWER], &["equal thresholds", "distinct thresholds", "flip_rate, 60 deg"]),
-    // Near the origin, the flip rate does not detect this mutant.
+    // 10 km from the origin, where the flip rate is measured, it does not detect this mutant.
     (Mutant::FractSin, &["collisions p", "independent p", "uncorrelated p", "distinct thresholds"], &[FLIPS, "equal thresholds"]),
     (Mutant::NotClamped, &["equal thresholds", "distinct thresholds"], &[FLIPS, CLUMPING, POWER]),
     (

@@ -253,7 +253,7 @@ proptest! {
         let square = octahedral::dequantise::<f64>(code, bits);
         prop_assert_eq!(octahedral::quantise(square, bits), code);
         // If a decoded direction is encoded again to its nearest code, that code decodes to the same direction. The code itself may be a different
-        // one, because two codes on the fold of the octahedral map can represent the same direction.
+        // one, because a code on the border of the square and its mirror image on the same side represent the same direction.
         let decoded = octahedral::decode(square);
         let again = octahedral::decode(octahedral::dequantise::<f64>(octahedral::encode_precise(decoded, bits), bits));
         prop_assert!(length(sub(decoded, again)) < 1e-12);
@@ -267,10 +267,10 @@ proptest! {
         };
         let (fast, precise) = (error(octahedral::quantise(octahedral::encode(n), bits)), error(octahedral::encode_precise(n, bits)));
         let h = f64::from(octahedral::half(bits));
-        // The bounds are the largest possible angles between a direction and its code (docs/stability-lab.md, section 1). If each coordinate is
-        // rounded, the distance on a face of the octahedron is at most half the diagonal of a square of four codes. If the nearest direction is
-        // chosen, it is at most the circumradius of a triangle of three codes. Seen from the centre of the octahedron, these distances are the angles
-        // of the bounds.
+        // The bounds are the largest possible angles between a direction and its code (docs/stability-lab.md, section 1). On a face of the
+        // octahedron, the codes form equilateral triangles, two of which are a rhombus of four codes. If each coordinate is rounded, the distance on
+        // the face is at most half the longer diagonal of a rhombus. If the nearest direction is chosen, it is at most the circumradius of a
+        // triangle. Seen from the centre of the octahedron, these distances are the angles of the bounds.
         prop_assert!(precise <= fast + 1e-14);
         prop_assert!(fast <= 3.0 / (std::f64::consts::SQRT_2 * h) + 1e-12, "{}", fast);
         prop_assert!(precise <= std::f64::consts::SQRT_2 / h + 1e-12, "{}", precise);
@@ -580,8 +580,8 @@ proptest! {
     ) {
         let here = hex_tiling::at(sector, p, 64.0, level);
         prop_assert!(is_partition(here.weights));
-        // A shift by 1024 sectors to the east or by 65 536 sectors to the north is a whole number of steps even of the coarsest lattice, so all bits
-        // of the weights stay the same.
+        // A shift by 1024 sectors to the east or by 65 536 sectors to the north is a whole number of lattice spacings, even of the coarsest lattice.
+        // So all bits of the weights stay the same.
         let moved = hex_tiling::at([sector[0] + 1024 * east, sector[1] + 65_536 * north], p, 64.0, level);
         prop_assert_eq!(here.weights, moved.weights);
         let steps = |sectors: i64, factor: i64| ((sectors * factor) << (10 + level) >> 16 & 0xffff) as u32;
@@ -602,9 +602,10 @@ proptest! {
     fn hexagon_weights_have_no_seam(p in [0.0..64.0f64, 0.0..64.0f64], step in [-1e-6..1e-6f64, -1e-6..1e-6f64], level in -10..=8i32) {
         let at = |p| hex_tiling::at([3, -5], p, 64.0, level);
         let (here, there) = (at(p), at([p[0] + step[0], p[1] + step[1]]));
-        // Before normalisation, a weight is (b / b_max)^7, where b is a barycentric coordinate and b_max >= 1/3 is the largest of the three. So
-        // the slope of a weight is at most 7 x 3 times the slope of a barycentric coordinate. The slope of a coordinate is at most 2 per lattice
-        // spacing, and the lattice spacing is 64 m / 2^level. The tolerance is four times the product of this slope and the step of 1e-6 m.
+        // Before normalisation, a weight is (b / b_max)^7, where b is a barycentric coordinate and b_max >= 1/3 is the largest of the three. With a
+        // constant b_max, the slope of a weight is at most 7 x 3 times the slope of b. The slope of b is at most 2 per lattice spacing, and the
+        // lattice spacing is 64 m / 2^level. The tolerance is four times the product of the slope of a weight and the step of 1e-6 m, because b_max
+        // and the sum of the weights change, too.
         let slope = 7.0 * 3.0 * 2.0 * f64::from(level).exp2() / 64.0;
         prop_assert!(same_hexagons(&here, &there, [0; 2], 4.0 * slope * 1e-6 + 1e-12));
         for id in here.ids {
@@ -1235,7 +1236,7 @@ proptest! {
         let at = |i: u32| (f64::from(i % width) * spacing - extent[0] / 2.0, extent[1] / 2.0 - f64::from(i / width) * spacing);
         let samples = (0..width * height).map(|i| plane(at(i).0, at(i).1) as f32).collect();
         let map = Heightmap { width, height, metres_per_texel: spacing, samples };
-        // The point is at least one spacing away from the edge of the map, so that four samples surround it.
+        // The point is at least one spacing away from the edge of the map, so that all 4 x 4 samples of the bicubic interpolation are inside the map.
         let inside = |share: f64, extent: f64| (share - 0.5) * (extent - 2.0 * spacing);
         let (x, y) = (inside(u, extent[0]), inside(v, extent[1]));
         let (h, dx, dy) = map.sample(x, y);

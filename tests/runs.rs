@@ -112,7 +112,7 @@ fn run_whole(folder: &Folder) -> Whole {
 }
 
 /// The first two of three frames only warm up, so the third frame alone is measured. Its rows must equal those of a run in which all frames are
-/// measured. The values over all frames must equal the values of the third frame.
+/// measured. With warm-up, the values over all frames must equal the values of the third frame.
 #[test]
 fn frames_that_warm_up_are_drawn_but_not_measured() {
     let folder = Folder::new("warm-up");
@@ -158,8 +158,8 @@ fn variants_without_random_numbers_have_rows_for_every_noise() {
     assert_eq!(of("hashed"), of("white"));
 }
 
-/// Checks the PNG sequences and the links that the run wrote. The `judge.txt` of a sequence must contain command lines that compare it with the reference
-/// sequence of the same resolve; they are not run here.
+/// Checks the PNG sequences and the links that the run wrote. The `judge.txt` of a sequence must contain command lines that compare it with the
+/// reference sequence of the same resolve; they are not run here.
 fn check_videos(video: &Path) {
     let frame = |sequence: &str, frame: u32, of: &str| fs::read(video.join(sequence).join(format!("{frame:04}.{of}")));
     for resolve in ["off", "exponential"] {
@@ -193,7 +193,7 @@ fn check_videos(video: &Path) {
     let moved = |(at, link): &(usize, usize)| (*link % 80).cmp(&(at % 80));
     let [right, left] =
         [std::cmp::Ordering::Greater, std::cmp::Ordering::Less].map(|way| linked.iter().filter(|pair| moved(pair) == way).count());
-    // Rock within 13.8 m, which is 7.6 % of the terrain, moves by more than half a pixel.
+    // Rock within 13.8 m of the camera, which covers 7.6 % of the terrain pixels, moves by more than half a pixel.
     assert!(right > linked.len() / 50 && left == 0, "{right} to the right, {left} to the left, of {}", linked.len());
 }
 

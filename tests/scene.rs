@@ -108,7 +108,7 @@ fn built_in_scene_loads_and_has_what_the_documents_promise() {
     for material in &scene.materials {
         assert!(laid.contains(material.name.as_str()), "no rule assigns {}", material.name);
     }
-    // The optional tables of the built-in scene must equal the defaults, as the documentation says.
+    // The tables `flavours` and `blend` of the built-in scene must equal the defaults, as the documentation says.
     let short: String = DEFAULT_TEXT.split("[flavours]").next().map(str::to_owned).unwrap_or_default();
     let rest = parse(&short).expect("the scene without its optional tables is valid");
     assert_eq!((rest.flavours, rest.blend), (scene.flavours, scene.blend));

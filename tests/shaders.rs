@@ -164,7 +164,7 @@ fn shared_functions_begin_with_the_topic_of_their_file() {
     for file in kernels::shared::WGSL {
         assert!(lacks(file).is_empty(), "functions without their topic as prefix: {:?}", lacks(file));
     }
-    // Negative control: a file with another name.
+    // Negative control: a file whose functions do not begin with its topic.
     assert!(!lacks(&Wgsl::new("shared/other.wgsl", kernels::shared::WGSL[0].text, &[])).is_empty());
 }
 
@@ -198,7 +198,7 @@ fn every_variant_resolves() {
             let open = resolved.global_expressions.iter().any(|(_, e)| matches!(e, naga::Expression::Override(_)));
             assert!(!open, "{key:?}, {}: an override is left", entry.1);
             for (name, value) in overrides {
-                // The vertex stage uses only one of the overrides, and naga removes the others from the result.
+                // The vertex stage uses only some of the overrides, and naga removes the others from the result.
                 let found = resolved_value(&resolved, name);
                 assert!(found.is_none_or(|v| (v - value).abs() < 0.5), "{key:?}: {name} became {found:?}, not {value}");
             }

@@ -103,8 +103,8 @@ impl Case {
     }
 }
 
-/// A renderer of the small scene with detail textures that are as fine as virtual-texture pages. Coarser textures would hide a shift by half a texel
-/// of a page.
+/// A renderer of the small scene, but with detail textures of 256 texels per side. Coarser textures would hide a shift by half a texel of a
+/// virtual-texture page.
 fn fine_renderer() -> MutexGuard<'static, Renderer<'static>> {
     static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
     let make = || {
@@ -214,7 +214,7 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// Adds the pages of a pixel. The reference and the frame may differ by `ROUNDING` levels, and by `ROUNDING_M` in position.
+    /// Adds the pages of a pixel. The reference and the frame may differ by `ROUNDING` levels, and by `ROUNDING_M` metres in position.
     fn add(&mut self, pixel: &Pixel, blend: &Blend, anisotropy: f64) {
         const ROUNDING: f64 = 2e-5;
         const ROUNDING_M: f64 = 1e-3;

@@ -27,7 +27,7 @@ fn largest_difference<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
 
 #[test]
 fn hashes_have_their_published_values() {
-    // The function pcg4d of Jarzynski & Olano 2020. It is written from the published code, independently of the kernel.
+    // The function pcg4d of Jarzynski & Olano 2020. It is written from the published code, independently of `hash::pcg4d`.
     fn pcg4d(v: [u32; 4]) -> [u32; 4] {
         let [mut x, mut y, mut z, mut w] = v.map(|a| (u64::from(a) * 1_664_525 + 1_013_904_223) as u32);
         let mad = |a: u32, b: u32, c: u32| ((u64::from(b) * u64::from(c) + u64::from(a)) & 0xffff_ffff) as u32;
@@ -104,7 +104,8 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
 /// Side of a sector, metres.
 const SECTOR_M: f64 = 64.0;
 
-/// Returns a random place near a sector 1000 km from the origin. Its footprint is between 2^-17 and 2^6 m wide, so that hashed noise uses cells of every scale.
+/// Returns a random place near a sector that is 1000 km east and 1000 km south of the origin. The footprint of the place is between 2^-17 and 2^6 m
+/// wide, so that hashed noise uses cells of every scale.
 fn far_place(i: u32) -> HashedPoint<f64> {
     let mut random = Random(u64::from(i) << 20);
     let mut sector = |around: i32| around + random.below(8192) as i32 - 4096;
@@ -827,7 +828,7 @@ fn ggx_is_normalised() {
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * c, alpha.max(0.1)));
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * a, alpha.min(0.7)));
     }
-    // Near the peak of a narrow highlight, the kernel is precise in f32. The textbook form is not, because two nearly equal numbers cancel.
+    // Near the peak of a narrow highlight, `d_ggx` is precise in f32. The textbook form is not, because two nearly equal numbers cancel.
     let c = 1.0_f32 - 5e-7;
     let truth = brdf::d_ggx(f64::from(c), f64::from(0.002_f32));
     let error = |d: f32| (f64::from(d) / truth - 1.0).abs();

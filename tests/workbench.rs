@@ -1,4 +1,4 @@
-//! The application without a window: tests operate every control by its accessible name, as screen readers do, and check the effect.
+//! The application without a window: tests operate controls by their accessible names, as screen readers do, and check the effects.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -85,8 +85,8 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     for variant in Variant::all() {
         assert!(stage.has(&format!("Variant {variant}")), "{variant}");
     }
-    // The undo history stores a state that was unchanged for one second. Each drawing advances the time of the window by a quarter of a second, so 30
-    // drawings are enough to store the state with `far-atlas`.
+    // The undo history stores a state that was unchanged for one second. Each call of `settle` advances the time of the window by a quarter of a
+    // second, so 30 calls are enough to store the state with `far-atlas`.
     take(&mut stage, "click Variant far-atlas");
     for _ in 0..30 {
         stage.settle().expect("a picture");
@@ -125,7 +125,7 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
         stage.settle().expect("a picture");
         let scale = stage.model().settings.scale;
         let [width, height] = stage.model().shown().expect("a picture").wish.size;
-        // There is nothing to undo, so the click on Undo must not change the scale.
+        // The user has changed nothing, so the click on Undo must not change the scale.
         take(&mut stage, "click Undo");
         assert_eq!(stage.model().settings.scale, scale);
         (scale, f64::from(width), f64::from(height))
@@ -165,7 +165,8 @@ fn a_window_finds_nothing_of_the_one_before() {
         assert!(stage.model().shown().is_none() && stage.model().failure().is_none() && !stage.model().is_warm());
     }
     drop(stage);
-    // The far atlas looks the same in every frame, and the sun of the first window must have no effect.
+    // The far atlas looks the same in every frame. At its end, the first window has changed the elevation of the sun. This must have no effect on the
+    // second window.
     assert!(seen(3) == first);
 }
 
@@ -410,13 +411,13 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     model.settings.frame.noise = NoiseKind::WhiteScreen;
     model.settings.scene.blend.mip_bias = 0.5;
     model.clock.frame = 2;
-    // The view is not one of the scene's cameras: it is turned to the side, and after key F the eye walks on the ground.
+    // The view is not one of the scene's cameras: it is turned to the side, and after key F the camera walks on the ground.
     model.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
     take(&mut stage, "key F; click Variant near-cliff");
     take(&mut stage, &format!("click Experiments; type Folder = {}; type Definitions = ; type Results = {out}", folder.0.display()));
     take(&mut stage, "type Experiment name = seen; set Frames of the run = 3; set Seeds of the run = 2");
 
-    // A view that a run cannot draw is refused. The error names the control that must be changed back.
+    // Key C freezes culling. A run cannot draw such a view, so the view is not saved. The error names the control that must be switched off.
     take(&mut stage, "key C; click Save as experiment");
     assert!(stage.names().iter().any(|name| name.contains("switch `Freeze culling` off")), "{:?}", stage.names());
     assert!(!folder.0.join("seen").exists() && !stage.has("Run seen"));
@@ -522,7 +523,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     let second = shown.second.as_ref().expect("B");
     assert!(shown.texels == alone && second.texels == alone, "B must equal A");
     assert_eq!((second.rmse, second.largest), (0.0, 0.0), "there must be no difference");
-    // Change a setting of the request, then a setting of the scene. A must change, and B must stay the same.
+    // Change a setting of the frame (the seed), then a setting of the scene (the sun). A must change, and B must stay the same.
     for change in ["set Seed = 7", "set Sun above = 20"] {
         take(&mut stage, &format!("click Variants; click Parameters; {change}; click Compare"));
         let shown = stage.model().shown().expect("a picture").clone();
@@ -613,13 +614,13 @@ fn the_machine_shows_what_each_stage_reported() {
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
-        // One cheap variant is enough for the view `vista`, because the test uses this view only to check the nodes.
+        // The view `ground` checks the tiles of several variants. One cheap variant is enough for the view `vista`.
         stage.model().settings.frame.variant = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.model().shown().expect("a picture").clone();
         let report = &shown.picture.report;
 
-        // Every node is in the legend once, with its level.
+        // The legend counts every drawn node once, at the level of the node.
         let levels = legend(&stage);
         assert!(report.nodes > 0 && report.drawn.len() == report.nodes);
         assert_eq!(levels.iter().map(|(_, nodes)| nodes).sum::<usize>(), report.nodes, "{camera}: {levels:?}");
@@ -667,7 +668,7 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     let before = stage.model().shown().expect("a picture").texels.clone();
     take(&mut stage, "click Inspector");
     assert!(stage.model().shown().expect("a picture").pixel.is_none());
-    // Select a pixel with the keyboard.
+    // Select a pixel by its column and row, which the test enters into two fields.
     let size = stage.model().shown().expect("a picture").wish.size;
     let on: Vec<bool> = stage.model().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
     let at = |index: usize| [index % size[0] as usize, index / size[0] as usize];
@@ -698,7 +699,8 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
 const NOT_CLICKED: [(&str, &str); 4] = [
     // Compiling all variants takes long.
     ("Variant ", "variants_are_forced_by_clicks_and_keys_and_undone"),
-    // In this test, clicks on these controls would change neither a text in the window nor the saved state.
+    // In `no_control_is_without_effect`, a click on `Restart` or `Cancel run` would change neither a text in the window nor the settings or the
+    // viewpoint.
     ("Restart", "live_metrics_tell_noise_that_stands_from_noise_that_flickers"),
     ("Cancel run", "a_view_on_screen_is_saved_run_stopped_and_gone_on_with"),
     // Arrows of the row of tabs, which disappear when the row is scrolled to its end.
@@ -715,8 +717,8 @@ const PREPARED: [(&str, &str); 4] = [
 
 #[test]
 fn no_control_is_without_effect() {
-    // A click on a control must change what a screen reader says about the window, or the state that is saved. Drawing the window without input must
-    // change neither; otherwise, the test would not notice a control without effect.
+    // A click on a control must change what a screen reader says about the window, or the settings, or the viewpoint. Drawing the window without
+    // input must change none of them; otherwise, the test would not notice a control without effect.
     let results = Folder::new("controls");
     let mut stage = cheap_stage();
     let panes: Vec<&str> = Pane::ALL.into_iter().map(Pane::name).collect();
@@ -761,7 +763,7 @@ fn no_control_is_without_effect() {
     assert!(tried.len() > 60, "only {} controls", tried.len());
 }
 
-/// Returns the texts that a screen reader says about the window, and the settings and viewpoint, which are saved.
+/// Returns the texts that a screen reader says about the window, and the settings and the viewpoint as text.
 fn state(stage: &mut Stage) -> (Vec<String>, String) {
     stage.settle().expect("a picture");
     let model = stage.model();

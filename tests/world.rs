@@ -318,7 +318,7 @@ fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
                 continue;
             }
             // Several vertices may be drawn at the same place. They must have the same height, because vertices with different heights would draw a
-            // vertical wall. So their heights are not filtered.
+            // vertical wall. So their heights are not filtered, unlike other heights of coarse nodes.
             assert_eq!(height, world.quantise(world.height_m(drawn[0], drawn[1])), "LOD {lod}, {at:?}");
             beyond += 1;
         }
@@ -345,7 +345,8 @@ fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
     assert!(world.has_edge() && !alps().has_edge());
     assert_eq!(alps().drawn_at([6000.0, -5121.0]), [6000.0, -5121.0]);
 
-    // The surface of the finest LOD consists of the triangles of the reference, also in the last strip, which is 2 m wide.
+    // The surface of the finest LOD consists of the triangles that the reference of the geometry pass draws. This also holds in the easternmost
+    // column of quads, which the edge of the data cuts from a width of 4 m to 2 m.
     let mut flatter = 0.0f64;
     for k in 0..600u32 {
         let (a, b) = ((f64::from(k) * 0.754_877_666_246_69).fract(), (f64::from(k) * 0.569_840_290_998_05).fract());
@@ -364,18 +365,18 @@ fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
         flatter = flatter.max((found - lattice).abs());
     }
     assert!(flatter > 0.2, "negative control: a strip of full width is {flatter} m off");
-    // Beyond the data, the surface is that of the nearest point.
+    // Beyond the data, the height is that of the nearest point of the data.
     assert_eq!(world.surface_height_m(900.0, 12.0), world.surface_height_m(east, 12.0));
     assert_eq!(world.height_m(-900.0, -900.0), world.height_m(-east, -north));
 }
 
-/// The two triangles of a quad of a node, as the reference of the geometry pass draws them. `quad`: its south-western vertex.
+/// The two triangles of a quad of a node, as the reference of the geometry pass draws them. `[i, j]` is the south-western vertex of the quad.
 fn drawn_triangles(world: &World, id: NodeId, [i, j]: [u32; 2]) -> [[glam::DVec3; 3]; 2] {
     let [sw, se, nw, ne] = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|index| reference::vertex(world, id, index));
     if diagonal_rises(i as usize, j as usize) { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] }
 }
 
-/// Height of a triangle at a horizontal position; `None` outside.
+/// Height of a triangle at a horizontal position; `None` = the position is outside of the triangle, or the triangle has no area.
 fn height_on([a, b, c]: [glam::DVec3; 3], at: glam::DVec2) -> Option<f64> {
     let [ab, ac, ap] = [(b - a).truncate(), (c - a).truncate(), at - a.truncate()];
     let area = ab.perp_dot(ac);
@@ -554,8 +555,9 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
     assert!((other.height_m(100.0, 200.0) - world.height_m(100.0, 200.0)).abs() > 1e-3, "a different seed must give a different world");
 }
 
-/// Returns the number of teeth in a row of heights. A tooth is a place at which the slope changes back and forth at three successive vertices. A row
-/// of teeth (a comb) is an artefact: a grid of vertices draws it if a crest or an edge is thinner than the spacing of the grid.
+/// Returns the number of teeth in a row of heights. A tooth is three successive vertices at which the slope changes visibly, each time in the
+/// opposite direction. A row of teeth (a comb) is an artefact: a grid of vertices draws it if a crest or an edge is thinner than the spacing of the
+/// grid.
 fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     // Smallest visible change of slope, as a difference of tangents.
     const VISIBLE: f64 = 0.6;
@@ -588,8 +590,8 @@ fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
 #[test]
 fn no_lod_draws_crests_and_edges_as_combs() {
     let world = alps();
-    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. Large pictures use LOD 5 beyond a distance of 4 km, where a tooth is
-    // only one or two pixels high.
+    // The bounds are about 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. LOD 5 may have more teeth than the finer LODs, because large
+    // pictures use it only beyond a distance of 4 km, where a tooth is only one or two pixels high.
     for (lod, most) in [(2, 11.0), (3, 13.0), (4, 9.5), (5, 33.0)] {
         let found = teeth(|x, y| world.height_m(x, y), lod);
         assert!(found < most, "LOD {lod}: {found} teeth in 10 000 vertices");

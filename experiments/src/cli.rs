@@ -203,7 +203,7 @@ pub(crate) struct RenderArgs {
     /// Number of frames [default: 1, or the whole path]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub(crate) frames: Option<u32>,
-    /// Vertical field of view, degrees, 1 to 175 [default: the camera's; 55 with --pose]
+    /// Vertical field of view, degrees, 1 to 175 [default: that of the camera or path; 55 with --pose]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = fov)]
     pub(crate) fov: Option<f64>,
     /// Size of the picture, pixels: at most 16384 on each side and 2^26 in total
@@ -256,8 +256,8 @@ pub(crate) struct ImportArgs {
     /// procedural
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
-    /// Edge of one repeat of all textures, metres [default: as stated in the names of folders or files, or the usual size for the kind of
-    /// ground]
+    /// Edge of the square that one repeat of a texture covers, metres, for all materials [default: as stated in the names of folders or files, or
+    /// the usual size for the kind of ground]
     #[arg(long, value_name = "M", requires = "materials", allow_hyphen_values = true, value_parser = tile_size)]
     pub(crate) tile_size: Option<f64>,
     /// Width and height of a .raw, .r16 or .r32 file; without this option, the file must be square
@@ -374,7 +374,7 @@ The test is t and the reference is r, both in linear colour of Rec. 709. PNG and
 OpenEXR pictures are laid into their display windows (pixels without data are black), and their primaries are converted. Lines that begin with `note`
 say what the metrics do not show, such as alpha or clamped values.
   flip  difference that a viewer sees when flipping between t and r, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
-        pixels, quartiles of the sum of errors, and maximum
+        pixels, quartiles in which each pixel is weighted by its error, and maximum
   mse   mean of (t - r)^2 over pixels and channels
   mrse  mean of (t - r)^2 / (r^2 + 0.01) over pixels and channels
   psnr  10 log10(1 / mse) of their sRGB encodings, dB; infinite (null in JSON) if they are equal

@@ -36,7 +36,8 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// Formats a number with six decimals or, if it is very small or very large, with six significant digits and an exponent.
+/// Formats a number with at most six decimals, without trailing zeros. A very small or very large number is written with six significant digits and
+/// an exponent.
 fn short(value: f64) -> String {
     match value.abs() {
         size if size == 0.0 || (1.0e-3..1.0e6).contains(&size) => {
@@ -126,7 +127,7 @@ fn agrees(row: &Row, column: &str, value: &Value) -> bool {
         Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
         Some(Field::Number(get, _)) => {
             let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
-            // A definition gives the centre of a frequency band as a decimal number, so a difference of one millionth is accepted.
+            // A definition gives the mean frequency of a band as a rounded decimal number, so a difference of one millionth is accepted.
             get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
         }
         Some(Field::Value(..)) | None => false,

@@ -45,7 +45,7 @@ pub const SMALLEST_SIDE: u32 = 64;
 pub const LAGS: u32 = 4;
 /// Limit of the number of groups of consecutive frames into which the measured frames of a sequence are divided. For [`RESIDUAL`], [`RESIDUAL_RMS`],
 /// [`ADDED`] and [`LOST`], the standard errors of values over all frames are computed from the scatter of these groups. Neighbouring frames are
-/// correlated, so single frames would give a smaller standard error than groups of several frames.
+/// correlated, so a standard error that is computed from single frames would be too small.
 pub const GROUPS: u32 = 20;
 
 /// Limit of the number of frames whose perceived noise is measured. Filtering a frame in space takes longer than all its other measurements.
@@ -82,7 +82,7 @@ impl Sequence {
         frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
     }
 
-    /// Number of frames whose perceived noise is measured.
+    /// Number of frames whose perceived noise is measured: at most 4; 0 if the sequence has fewer than two frames.
     pub fn seen_frames(self) -> u32 {
         if self.frames > 1 { ((self.frames - 1 - self.seen_from()) / self.seen_step() + 1).min(SEEN) } else { 0 }
     }
@@ -98,7 +98,8 @@ impl Sequence {
         self.first_seen().is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
     }
 
-    /// Returns the number of frames from which on the memory of the eye is filled ([`Sequence::is_memory_filled`]), with the same frames to warm up.
+    /// Returns the number of frames that a sequence needs so that this sequence and every longer one fill the memory of the eye
+    /// ([`Sequence::is_memory_filled`]). The number of frames to warm up stays the same.
     pub fn frames_to_fill(self, adaptation: f64) -> u32 {
         // Perceived noise is first measured in the second half. So twice the frames that fill the memory are always enough.
         let certain = (2.0 * FILLED / adaptation).ceil() as u32;
@@ -400,7 +401,8 @@ mod tests {
         };
         let last = |a: f64| (a / (2.0 - a)).sqrt();
         // After many frames, the root mean square of the memory approaches the value that `last` returns. If the memory is filled, the root mean
-        // square exceeds this value by less than a fifth. In a sequence of 5 frames, its mean over the measured frames exceeds the value by 76 %.
+        // square exceeds this value by less than a fifth. In a sequence of 5 frames, the mean of the root mean square over the frames whose perceived
+        // noise is measured exceeds the value by 76 %.
         for a in [24.0, 30.0, 60.0, 120.0].map(adaptation) {
             let filled = (FILLED / a).ceil() as u32;
             assert!(root(a, filled) < 1.2 * last(a) && root(a, filled / 3) > 1.2 * last(a), "{a}");

@@ -19,8 +19,8 @@ pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
     outcome.ok()
 }
 
-/// Reports panics on one line as internal errors of this program. Without this, a panic would look like a mistake of the user, and a stack trace
-/// would fill the terminal.
+/// Reports panics on one line as internal errors of this program. The message of Rust's default hook has several lines, can include a stack trace,
+/// and does not say that the fault is in the program and not in the user's input.
 pub(crate) fn report_panics() {
     panic::set_hook(Box::new(|info| {
         if QUIET.get() {
@@ -39,7 +39,7 @@ pub(crate) fn error_line(error: &anyhow::Error) -> String {
     one_line(&chain.join(": "))
 }
 
-/// An error whose cause is the definition of a run. It does not help to continue the run, because the definition must change.
+/// An error whose cause is the definition of a run. The error message does not suggest `--resume`, because the definition must change first.
 #[derive(Debug)]
 pub(crate) struct Unfit(pub(crate) String);
 

@@ -1,5 +1,4 @@
-//! Measures times repeatably: decides in which order pictures are drawn and how many rounds are measured, and estimates times and ratios with
-//! intervals.
+//! Measures times: decides in which order pictures are drawn and how many rounds are measured, and estimates times and ratios with intervals.
 //!
 //! Several *candidates* are compared, for example the variants of a definition. A *round* draws every candidate once, in an order that is shuffled
 //! anew for each round. The order is a function of a seed and the number of the round. So a slow drift of the machine affects all candidates equally,

@@ -32,7 +32,7 @@ pub struct Row {
     pub setting: String,
     /// Frame index, from 0; absent = the value applies to all frames together.
     pub frame: Option<u32>,
-    /// Number of frames between the two compared frames, k = 1..4; absent = the metric does not compare frames.
+    /// Number of frames from the earlier to the later of two compared frames, k = 1..4; absent = the metric is not measured for each lag.
     pub lag: Option<u32>,
     /// Centre of a frequency band of a spectrum, cycles per pixel; absent = the metric is not a spectrum.
     pub frequency: Option<f64>,

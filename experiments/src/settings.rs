@@ -1,5 +1,5 @@
-//! Settings on the command line: an option for each setting of a frame, and `--set` for settings of a scene. Names, accepted values, defaults and
-//! descriptions come from the tables of settings.
+//! Settings on the command line: options for settings of a frame ([`Home::Option`]), and `--set` for settings of a scene. Names, accepted values,
+//! defaults and descriptions come from the tables of settings.
 
 use anyhow::{Context, Result};
 use clap::error::ErrorKind;

@@ -71,9 +71,9 @@ pub fn detectable(level: f64, freedom: f64) -> f64 {
 pub struct Mean {
     /// The mean.
     pub value: f64,
-    /// Standard error of the mean; `None` for fewer than two seeds.
+    /// Standard error of the mean; `None` if it is unknown, for example because there is only one seed or frame.
     pub standard_error: Option<f64>,
-    /// Degrees of freedom of the standard error (Satterthwaite); `None` if it is unknown or 0.
+    /// Degrees of freedom of the standard error; `None` if they are unknown, or if the standard error is 0.
     pub freedom: Option<f64>,
 }
 
@@ -127,8 +127,8 @@ impl Areas {
         }
     }
 
-    /// Adds one seed. `sums` has two numbers for each area, row by row: the sum of the area's numbers, and how many there are. If a picture has several
-    /// frames that share their seeds, the caller adds up the frames of each seed first.
+    /// Adds one seed. `sums` has two numbers for each area, row by row: the sum of the area's numbers, and how many there are. If several frames
+    /// share their seeds, the caller first adds up the sums of all frames of a seed.
     pub fn add(&mut self, sums: impl Iterator<Item = [f64; 2]>) {
         let group = self.seeds as usize % GROUPS;
         self.seeds += 1;
@@ -150,7 +150,7 @@ impl Areas {
 
     /// Returns the mean over all numbers and seeds. Its variance is the sum of the variances of the areas. If noise correlates neighbouring areas,
     /// this sum is larger for larger areas. The standard error is therefore computed from areas of the given size, of twice its width and of four
-    /// times its width, and the largest result is returned. A grid in which too few areas vary (`LEAST_AREAS`) is not used.
+    /// times its width, and the largest result is returned. A grid of larger areas is not used if too few of them vary (`LEAST_AREAS`).
     pub fn mean(&self) -> Mean {
         let [finest, larger @ ..] = &self.grids;
         let numbers = finest.iter().map(|area| area.numbers).sum::<f64>().max(1.0);
@@ -385,8 +385,8 @@ mod tests {
 
     #[test]
     fn probabilities_are_shares_of_sign_patterns() {
-        // Three areas and three seeds have 4³ distinct sign patterns, because the sign of the first seed is fixed in each area. Count those whose sum
-        // of squares is at least the measured one.
+        // Three areas and three seeds have 4³ distinct sign patterns, because the sign of the first seed is fixed in each area. `exact` is the share
+        // of the patterns whose sum of squares is at least the measured one.
         let seeds = [vec![1.0, -2.0, 0.5], vec![2.0, 1.0, -0.25], vec![0.5, -3.0, 1.0]];
         let squares = |at: usize, pattern: usize| signed_sum(&[seeds[0][at], seeds[1][at], seeds[2][at]], pattern).powi(2);
         let total = |patterns: usize| (0..3).map(|at| squares(at, patterns >> (2 * at) & 3)).sum::<f64>();
@@ -394,7 +394,8 @@ mod tests {
         // The drawing ends after 10 hits, so the result has a relative standard deviation of about 1 / sqrt(10).
         let found = areas([3, 1], &seeds).probability().expect("three seeds");
         assert!(exact > 0.05 && exact < 0.95 && (0.3..3.0).contains(&(found / exact)), "{found}, {exact}");
-        // If all numbers have one sign, no other pattern is as large. With 40 areas, it is never drawn.
+        // If all numbers have the same sign, every other sign pattern gives a smaller sum of squares. With 40 areas, the draws practically never
+        // repeat the measured pattern.
         for count in [2, 3, 8, 20] {
             let same = areas([40, 1], &vec![vec![1.0; 40]; count]);
             assert_eq!(same.probability(), Some(SMALLEST_PROBABILITY), "{count} seeds");
@@ -407,7 +408,7 @@ mod tests {
         // Two seeds with opposite numbers have the smallest possible sum, which is 0, so every pattern is at least as large.
         let zero = areas([40, 1], &[vec![1.0; 40], vec![-1.0; 40]]);
         assert_eq!(zero.probability(), Some(1.0));
-        // Draws do not depend on each other: 2000 sets of random numbers have probabilities that are uniform.
+        // If the random signs are independent, the probabilities of 2000 sets of random numbers are uniform.
         let random = |set: u32| -> Vec<Vec<f64>> {
             let number = |seed: u32, at: u32| f64::from(hash::pcg(set * 4096 + seed * 64 + at) >> 8) - 8_388_607.5;
             (0..4).map(|seed| (0..40).map(|at| number(seed, at)).collect()).collect()

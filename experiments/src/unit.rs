@@ -64,13 +64,13 @@ pub trait Measure {
     /// the progress within the part. Implementations check for an interrupt between steps.
     ///
     /// # Errors
-    /// The part cannot be rendered, or its files cannot be written. The part is then not finished.
+    /// The part cannot be rendered, its files cannot be written, or the user interrupts the run. The part is then not finished.
     fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome>;
 }
 
 /// Returns the parts of a valid definition, in the order in which they are carried out. For each value of the varied parameter and each view, the
-/// reference comes first, then the measurements that use it, then the times. Combinations that give the same result are not omitted: a table without
-/// gaps is easier to read than a table whose gaps need an explanation.
+/// reference comes first, then the sweeps that use it, then the times. If several combinations of estimator, noise and resolve give the same result,
+/// each of them has a part: a table without gaps is easier to read than a table whose gaps need an explanation.
 pub fn plan(definition: &Definition) -> Vec<Unit> {
     let settings: Vec<Setting> = match &definition.vary {
         None => vec![None],

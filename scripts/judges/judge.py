@@ -90,7 +90,7 @@ class Run:
                 self.values.setdefault((key, row["metric"]), {})[row["frame"]] = row["value"]
 
     def over_frames(self, key, metric):
-        """The value over all frames, or the one of the last frame if there is no other; `None` if there is none."""
+        """The value over all frames; if there is none, the value of the last frame that has one; `None` if no frame has one."""
         values = self.values.get((key, metric), {})
         return values.get(None, values[max(values)] if values and None not in values else None)
 
@@ -99,7 +99,7 @@ class Run:
         return sorted(frame for frame in self.values.get((key, "perceived_noise"), {}) if frame is not None)
 
     def measured(self):
-        """What must be equal in runs that differ only in how they are looked at."""
+        """What must be equal in runs that differ only in frame rate: the definition without some keys, and the hash of the sources."""
         apart = ("name", "question", "analysis", "viewing", "video")
         return {name: value for name, value in self.definition.items() if name not in apart}, self.manifest["source_hash"]
 
@@ -154,7 +154,7 @@ def jod(judge, test, reference, fps):
 
 
 class Model:
-    """What the model needs for pictures of a size."""
+    """The model of perceived noise (see perceived.py) for pictures of a size."""
 
     def __init__(self, size, ppd):
         own = [perceived.CONSTANTS["CENTRE_DEG"], perceived.CONSTANTS["SURROUND_DEG"]]
@@ -233,7 +233,7 @@ class Clip:
     """A clip: its numbers are means over seeds."""
 
     def __init__(self, key, fps, seeds):
-        """`seeds`: for each seed the row of the run and what `look` kept."""
+        """`seeds`: for each seed, the values of the run by metric, and the results that `look` stored."""
         self.view, self.variant, self.noise, self.resolve = key
         self.fps = fps
         self.group = key
@@ -270,7 +270,7 @@ def split(clips):
 
 
 def spearman(noise, jods):
-    """The rank correlation between more noise and lower quality; NaN if all clips are equal."""
+    """The rank correlation between more noise and lower quality; NaN if all clips have the same noise or the same quality."""
     return float(stats.spearmanr(noise, -np.asarray(jods))[0]) if np.ptp(noise) > 0 and np.ptp(jods) > 0 else float("nan")
 
 
@@ -286,7 +286,7 @@ def interval(clips, noise, seed=1):
     for _ in range(BOOTSTRAPS):
         chosen = np.concatenate([groups[i] for i in random.integers(len(groups), size=len(groups))])
         found.append(spearman(noise[chosen], jods[chosen]))
-    # A sample that contains only one group can have no correlation (NaN). Such samples are ignored.
+    # If a sample contains only one group, all its clips may be equal, and its correlation is then NaN. Such samples are ignored.
     return tuple(np.nanpercentile(found, [2.5, 97.5])) if np.isfinite(found).any() else (float("nan"), float("nan"))
 
 
@@ -298,8 +298,9 @@ def with_constants(clips, gaze, shares, time, centre, surround):
 
 
 def fit(clips, gaze, shares):
-    """The constants of the grid that predict the judge best: indices of time constant, centre and surround. The best are those whose rank correlation
-    is at most 0.002 below the largest; among them the ones whose logarithm is most nearly linear in that of the lost quality.
+    """The constants of the grid that predict the judge best: indices of time constant, centre and surround. Only constants whose rank correlation is
+    at most 0.002 below the largest are considered. Of these, the constants are best for which the logarithm of perceived noise correlates most with
+    the logarithm of the lost quality.
     """
     jods = np.array([clip.jods.mean() for clip in clips])
     lost = np.log(np.maximum(10 - jods, 1e-6))
@@ -308,7 +309,7 @@ def fit(clips, gaze, shares):
         for centre in range(len(DEVIATIONS_DEG)):
             for surround in range(centre + 1, len(DEVIATIONS_DEG)):
                 noise = with_constants(clips, gaze, shares, time, centre, surround)
-                # Two Gaussians that are both narrower than a pixel are equal. Their difference is 0, so these constants are left out.
+                # Two Gaussians that are both much narrower than a pixel are equal. Their difference is 0, so these constants are left out.
                 if noise.min() > 0:
                     tried.append((spearman(noise, jods), float(np.corrcoef(np.log(noise), lost)[0, 1]), (time, centre, surround)))
     if not tried:
@@ -361,7 +362,9 @@ def write_csv(file, clips, shares, best):
 
 
 def write_pictures(out, run, clips, noise, count):
-    """For the groups of clips that disagree most: the last frame of the first seed, the same of the reference, and four times the error, grey = 0."""
+    """For each of the groups of clips on which metric and judge disagree most, writes one picture: the last frame of the first seed, that of the
+    reference, and four times the error, where grey is 0. Returns the names of the files.
+    """
     sequences = run.sequences()
     frames = run.definition["frames"]
     names = []
@@ -378,7 +381,9 @@ def write_pictures(out, run, clips, noise, count):
 
 
 def record(out, run, runs, clips, shares, command):
-    """Writes the record. Returns whether the goal is reached and the model agrees with the metric."""
+    """Writes the record. Returns the rank correlation on held-out clips, whether the model agrees with the metric, and their largest relative
+    difference that rounding does not explain.
+    """
     out.mkdir(parents=True, exist_ok=True)
     packages = sorted(f"{d.metadata['Name']}=={d.version}" for d in importlib.metadata.distributions())
     (out / "packages.txt").write_text("\n".join(packages) + "\n")

@@ -38,7 +38,9 @@ def luma(frames):
 
 
 def rounding():
-    """The standard deviation of what rounding two pictures to 8 bits adds to the difference of their luma, at most: it is less where they are equal."""
+    """An upper limit of the standard deviation of the error that rounding two pictures to 8 bits adds to the difference of their luma. Where the
+    pictures are equal, rounding adds no error.
+    """
     return float(np.sqrt(2 * np.sum(np.square(CONSTANTS["LUMINANCE"])) / 12) / 255)
 
 
@@ -101,7 +103,7 @@ class Filters:
 
 
 def products(means):
-    """The mean products of pictures. From them follows the mean square of any difference of two: see `difference`."""
+    """For each pair of pictures, the mean of their product over pixels. The mean square of their difference follows from it: see `difference`."""
     return means @ means.T / means.shape[1]
 
 

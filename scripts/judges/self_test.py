@@ -140,7 +140,9 @@ def test_judge():
 
 
 def write_run(folder, fps, filmed, name, wrong=1.0):
-    """A run of synthetic videos. Every noise has its own strength. `wrong`: factor of the metric's numbers."""
+    """Writes a run of synthetic videos. Every noise has its own strength. `filmed`: whether the videos are written, too. `wrong`: factor on the
+    numbers of the metric; 1 = right.
+    """
     views, noises, resolves, seeds = ["still", "moving"], {"fixed": 0.03, "fresh": 0.05}, {"off": 1.0, "exponential": 0.6}, ["0", "1"]
     ppd, [width, height] = 30, SIZE
     rows, pixels = [], width * height
@@ -259,7 +261,7 @@ def test_call(folder):
 
 
 def test_fit():
-    """The constants of a judge that is made from them are found."""
+    """The quality of the clips is computed from perceived noise with known constants. The fit must find these constants."""
     random = np.random.default_rng(3)
     ppd, pixels = 30, SIZE[0] * SIZE[1]
     model = judge.Model(SIZE, ppd)

@@ -19,7 +19,7 @@ struct Span {
     end: Position,
 }
 
-/// A mutant of a list.
+/// A mutant in the list of cargo-mutants.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 pub(crate) struct Listed {
     /// File, position and change, such as `kernels/src/shared/hash.rs:14:25: replace >> with << in pcg`.

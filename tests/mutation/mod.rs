@@ -332,7 +332,7 @@ fn constants(word: &str) -> Vec<(&'static str, String)> {
 }
 
 /// Returns different components, or the components in a different order: `x` -> `y`, `xyz` -> `yxz`; `None` if the word does not name components, or
-/// if all its components are equal.
+/// if it only repeats one component, such as `xx`.
 fn swizzled(word: &str) -> Option<String> {
     let set = ["xyzw", "rgba"].into_iter().find(|set| word.chars().all(|c| set.contains(c)))?;
     let mut letters: Vec<char> = word.chars().collect();

@@ -42,7 +42,7 @@ pub(crate) struct Table(csv::Writer<File>);
 
 impl Table {
     /// Opens a table, and makes it if it does not exist. Also returns the rows that it has. An interrupted call may have left an empty file, a part
-    /// of the header or a part of the last row. Such a part is removed, and its mutant is tested again.
+    /// of the header or a part of the last row. This function removes such a part. The mutant of a removed row is tested again.
     ///
     /// # Errors
     /// If the file cannot be read or written, or if a complete row is damaged.

@@ -159,8 +159,8 @@ fn a_term_without_weight_leaves_a_run_as_it_is() {
 
 // ---------------------------------------------------------------- noise
 
-/// Returns the cell of a point from the distance to the origin of the world. (The tested functions compute it from the sector and the position in the
-/// sector.) For the points of [`hashed_points`], each step is exact in f64.
+/// Returns the cell of a point, computed from the coordinates relative to the origin of the world. (The tested functions compute it from the sector
+/// and the position in the sector.) For the points of [`hashed_points`], each step is exact in f64.
 fn cell(point: &HashedPoint<f64>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis| {
         let corner = point.sector.get(axis).map_or(0.0, |&sector| f64::from(sector) * point.sector_m);
@@ -178,8 +178,8 @@ fn units(point: &HashedPoint<f64>, k: [i32; 3], seed: u32, salt: u32) -> [f64; 4
     hash::pcg4d([x, y, z, hash::mix(seed, salt, a + 256 * b + 65_536 * c)]).map(|h| f64::from(h / 256) / 16_777_216.0)
 }
 
-/// Random points at distances of up to about 1000 km from the origin. Positions are multiples of 2^-16 m. Some footprints are beyond the smallest or
-/// the largest scale.
+/// Random points up to about 1000 km east, west, north or south of the origin. Positions are multiples of 2^-16 m. Some footprints are smaller than
+/// the smallest cells or larger than the largest cells.
 fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
     let mut random = Random(71);
     (0..3000).map(move |i| {
@@ -226,8 +226,8 @@ fn hashed_noise_blends_the_two_cells_of_the_paper() {
         assert!(largest_difference(found.blended(), blended) < 1e-12);
         assert!(largest_difference(found.thresholds(), blended.map(|x| noise::correct(x, share))) < 1e-9);
 
-        // The anisotropic kind: the diagonal of a cell spans the pixel, and each axis has its own scale (Wyman & McGuire 2017, listing 3). The width
-        // that is used along an axis is at least a sixteenth of the largest of the three widths.
+        // The anisotropic kind: each axis has its own scale. The width of a cell along an axis is √2 times `hash_scale` times the larger component
+        // of the two derivatives along this axis (Wyman & McGuire 2017, listing 3), but at least a sixteenth of the largest of the three widths.
         let widths: [f64; 3] = std::array::from_fn(|i| 2.0_f64.sqrt() * point.hash_scale * point.ddx[i].abs().max(point.ddy[i].abs()));
         let least = widths.iter().fold(0.0, |a: f64, b| a.max(*b)) / 16.0;
         let axes: [(i32, f64); 3] = std::array::from_fn(|i| scales(widths[i].max(least), along[i]));
@@ -363,7 +363,7 @@ fn reflection_terms_are_the_formulas() {
         let bracket = c * c * (alpha * alpha - 1.0) + 1.0;
         let textbook = alpha * alpha / (std::f64::consts::PI * bracket * bracket);
         // Near c = 1, two numbers in the bracket of the textbook form nearly cancel, which enlarges its relative rounding error by up to 1 / alpha².
-        // The bracket is squared in the formula.
+        // The formula squares the bracket, which doubles this error.
         assert!((brdf::d_ggx(c, alpha) / textbook - 1.0).abs() < 32.0 * f64::EPSILON / (alpha * alpha), "{c} {alpha}");
         let (f0, u) = (random.unit(), random.unit());
         let [schlick, ..] = brdf::f_schlick([f0; 3], u);
@@ -442,7 +442,7 @@ fn an_earlier_camera_sees_points_where_its_rays_go() {
     for distance in [motion::MIN_DISTANCE * 1.01, motion::FAR * 0.99] {
         assert_eq!(motion::reproject([0.0, distance, 0.0], &past), [-0.5, 0.25, distance]);
     }
-    // A point has no pixel if the pixel would be more than 1e9 pixels outside the picture.
+    // A point has no pixel if a coordinate of the pixel would exceed 1e9.
     assert_eq!(motion::reproject([2e5, 1e-3, 0.0], &past), NOWHERE);
     assert_eq!(motion::past_ray(&Past { x_row: [0.0; 3], ..past }, [1.0, 1.0]), [0.0; 3]);
 }

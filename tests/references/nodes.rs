@@ -69,8 +69,8 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
         (2000, 0.0, [4900.0, 4900.0, 600.0], 3.9, -0.2),
     ] {
         let view = view_of(position, yaw, pitch, fov, [height_px * 3 / 2, height_px]);
-        // A node has 128 quads per side. At a distance of `of_picture` edges of a node, a quad is 2.5 pixels high. The ratio is clamped, and an LOD
-        // bias of 1 halves it.
+        // A node has 128 quads per side. At a distance of `of_picture` times the edge of a node, a quad is 2.5 pixels high. The ratio is clamped to
+        // 0.6..=2, and an LOD bias of 1 then halves it.
         let of_picture = f64::from(height_px) / (2.0 * (fov / 2.0).tan()) / (128.0 * 2.5);
         let ratio = (of_picture.clamp(0.6, 2.0) / lod_bias.exp2()).min(2.0);
         let mut calls = Vec::new();
@@ -192,7 +192,7 @@ fn stored_normals_have_their_size_name_and_meaning() {
     }
     assert!("other".parse::<NormalEncoding>().is_err());
     assert_eq!(NormalEncoding::ALL.map(NormalEncoding::bytes), [4, 4, 16]);
-    // Octahedral: two codes, each with 127 for the coordinate 0.
+    // Octahedral: two codes of two bytes each. The byte 127 stands for the coordinate 0, and the byte 0 for -1.
     let [up, south] = NormalEncoding::Octahedral.decode(&[127, 127, 127, 0]);
     assert_eq!((up, south), ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0]));
     let (plane, shading) = ([0.3, -0.5, 0.8], [140, 90]);

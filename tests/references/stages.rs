@@ -158,8 +158,8 @@ fn each_kind_of_light_is_its_formula() {
         assert!(largest_difference(found, expected) < 1e-14 && highlight == [0.0; 3], "{found:?}");
         assert!(largest_difference(mirrored, to_eye) > 0.1, "the mirror direction is another one");
     }
-    // The radiance of the sky is linear in the sine of the elevation, and never below 0. Then: the irradiance of the sky on a surface that faces up,
-    // and on one that faces down.
+    // The radiance of the sky is linear in the sine of the elevation, and never below 0. The two checks of `sky_irradiance` are for a surface that
+    // faces up, and for one that faces down.
     assert!(largest_difference(sky_radiance(&tilted, [0.6, 0.0, 0.8]), [0.36, 0.5, 0.78]) < 1e-15);
     assert_eq!(sky_radiance(&tilted, [0.0, 0.0, -4.0]).map(|c| c > 0.0), [true; 3]);
     assert_eq!(sky_radiance(&tilted, [0.0, 0.0, 2.0]).map(|c| c == 0.0), [true, true, false]);
@@ -214,7 +214,7 @@ fn the_sums_of_eight_pixels_are_those_counted_by_hand() {
     assert_lag(&sums, 1, LagSums { terrain: 2, linked: 1, chosen: 1, flipped: 0, difference: 0.5, ..LagSums::default() });
     assert_lag(&sums, 2, LagSums::default());
     // The history of pixel 1 is accepted, because its neighbour to the lower right is darker. The history of pixel 7 is rejected, because it is
-    // brighter than all pixels of the box.
+    // brighter than all pixels of the 3 x 3 box around pixel 7.
     assert_eq!((sums.tested, sums.rejected), (2, 1));
     // The differences of the two tested pixels are a little above 2^-4 and 2^1. These are 10 and 15 octaves above the lowest bin, and an octave has
     // 16 bins.

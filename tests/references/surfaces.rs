@@ -120,7 +120,7 @@ fn a_place_lies_in_the_finest_node_that_is_loaded() {
     assert_eq!((spot.node, spot.uv), (all.node, DVec2::new(0.25, 0.75)));
     let parent = all.node.parent().expect("LOD 0 has parents");
     let corner = DVec2::new(f64::from(parent.x), f64::from(parent.y)) * 128.0;
-    // The sibling in the opposite quarter of the parent.
+    // The centre of the sibling in the diagonally opposite quarter of the parent. The sibling is not loaded, so the place lies in the parent.
     let other =
         corner + DVec2::new(if all.node.x.is_multiple_of(2) { 96.0 } else { 32.0 }, if all.node.y.is_multiple_of(2) { 96.0 } else { 32.0 });
     let spot = all.spot(other);
@@ -190,7 +190,7 @@ fn baked_maps_are_filtered_between_the_centres_of_their_texels() {
 }
 
 /// Samples the mip chain of a repeating texture at `uv`, by sums over all texels. `step` is the length of the longer derivative, in repeats per
-/// pixel. Colours are decoded before they are filtered.
+/// pixel. If `is_srgb`, colours are converted to linear before they are filtered.
 fn sampled(chain: &CompressedChain, is_srgb: bool, uv: DVec2, step: f64) -> [f64; 4] {
     let lod = (step * f64::from(chain.size)).log2().clamp(0.0, (chain.levels.len() - 1) as f64);
     let of_level = |level: usize| {
@@ -379,7 +379,8 @@ fn a_page_has_the_level_of_its_footprint() {
     }
 }
 
-/// Texels that are `texel_m` metres wide, around a place, filtered by tent functions. The gradient is filtered in the form of a normal.
+/// Returns the surface at a place: the texels around it, each `texel_m` metres wide, filtered by tent functions. The gradient of a texel is converted
+/// to a normal before it is filtered.
 fn filtered_texels(all: &Loaded, at: DVec2, texel_m: f64) -> Surface {
     let mut sum = Surface::default();
     let mut normal = DVec3::ZERO;

@@ -355,7 +355,7 @@ impl Stage {
     /// Carries out a step and waits for the resulting picture.
     ///
     /// # Errors
-    /// Nothing on screen has the name. See also [`Stage::until`].
+    /// Nothing on screen has the name, the scene cannot be opened, or [`Step::Frames`] is given while time is paused. See also [`Stage::until`].
     pub fn take(&mut self, step: &Step) -> Result<()> {
         self.harness.run_steps(PAUSE);
         match step {

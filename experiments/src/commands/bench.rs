@@ -27,8 +27,8 @@ use crate::metrics::{self, SHADING_PASS};
 use crate::process::{check_interrupted, watch_interrupts};
 use crate::rounds::{self, Estimate, Key, Plan, Samples, Timed, Turn, Wanted};
 
-// The three passes below are timed with the wall clock. Timestamps of the device are not used for them, because those of a software adapter include
-// waiting.
+// The three passes below are timed with the wall clock. Timestamps of the device are not used for these passes, because on a software adapter the
+// time between two timestamps includes waiting.
 /// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
 /// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
@@ -101,17 +101,18 @@ impl Ratio {
     }
 }
 
-/// Returns the ratios for which `decides` holds. Rounds are drawn until the intervals of these ratios are narrow.
+/// Returns the ratios for which `decides` holds. Rounds are drawn until the interval of each of these ratios is narrow enough
+/// ([`Estimate::is_stable`]).
 fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
     RATIOS.iter().filter(|ratio| decides(ratio)).filter_map(Ratio::keys).map(|[of, over]| Wanted { of, over: Some(over) }).collect()
 }
 
-/// The times of a camera.
+/// The times that were measured with one camera of the scene.
 struct Measured {
     camera: String,
     /// Device times. The candidates are the [`choices`].
     device: Samples,
-    /// Times of the wall clock, of `auto`.
+    /// Wall-clock times of the choice `auto`.
     wall: Samples,
 }
 
@@ -182,8 +183,8 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     })
 }
 
-/// Perceived noise is measured in at most 4 frames of a sequence. For a sequence of 16 measured frames, this share of the duration of computing it
-/// is therefore added to the time of each frame.
+/// Share of the duration of computing perceived noise that is added to the time of each frame. Perceived noise is measured in at most 4 frames of a
+/// sequence, which are a quarter of a sequence of 16 measured frames.
 const SHARE_SEEN: f64 = 0.25;
 
 /// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring two streams, one
@@ -241,7 +242,7 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         Ok([drawn.as_secs_f64(), read.as_secs_f64(), measured.as_secs_f64() - composed.as_secs_f64()].map(|seconds| seconds * 1e3))
     };
     measure(1, &wanted(Ratio::is_wall_clock), args, step, &mut |turn| {
-        // The metrics need earlier frames, so the round that is not timed draws several.
+        // The metrics compare a frame with the four frames before it. Round 0, which is not timed, therefore draws four frames.
         let frames = if turn.round == 0 { LAGS } else { 1 };
         for _ in 1..frames {
             next_frame()?;
@@ -301,9 +302,9 @@ struct Answer<'a> {
 /// A ratio in the output of `--json`.
 #[derive(Debug, PartialEq, Serialize)]
 struct Figure {
-    /// null = it was not measured.
+    /// The ratio. null = the ratio was not measured.
     ratio: Option<f64>,
-    /// The ends of the 95 % interval. null = there are too few rounds.
+    /// The ends of the 95 % interval. null = the ratio was not measured, or there are too few rounds.
     low: Option<f64>,
     high: Option<f64>,
     /// Whether the interval is at most 5 % wide on each side.

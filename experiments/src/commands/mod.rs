@@ -94,7 +94,8 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
 }
 
-/// Shows the progress of long work on stderr. If stderr is a terminal, it shows a bar. Otherwise it prints a line after each quarter of the work.
+/// Shows the progress of long work on stderr. If stderr is a terminal, it shows a bar. Otherwise it prints a line at the start of each stage and
+/// after each quarter of a stage.
 pub(crate) struct Reporter {
     terminal: bool,
     state: Mutex<State>,

@@ -38,7 +38,7 @@ struct Table {
     differs: Vec<String>,
 }
 
-/// Whether the numbers of a table have decimal points or commas.
+/// Whether the numbers of a table have decimal points or decimal commas.
 #[derive(Default)]
 struct Decimals {
     /// The first line with a decimal point.

@@ -73,7 +73,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let bends = if parts.contains(&Part::Kernels) { &extremes.bends[..] } else { &[] };
     let lab = Lab { findings: &findings, bends, directions: &directions, noise: &noise, motion: &motion };
     let text = report::text(&lab, &facts);
-    // The contents of all files are computed before the first file is written.
+    // The contents of all files are computed before the first file is written. If a computation fails, earlier files stay unchanged.
     let files = [
         ("results.csv", csv(findings.iter().map(shortened))?),
         ("directions.csv", csv(directions.iter().map(Row::shortened))?),

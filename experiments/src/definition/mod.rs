@@ -30,8 +30,9 @@ pub struct Definition {
     /// Markdown paragraphs that say what the results show and what they do not show. They are written after a run, when the results are known.
     #[serde(default)]
     pub analysis: String,
-    /// The scene: `default`, a scene file, or a folder that contains a scene.toml. File names are relative to the definition. A leading `$SCREE_DATA`
-    /// is replaced by the value of the environment variable. `scene` and `import` exclude each other. If neither is given, the scene is `default`.
+    /// The scene: `default`, a scene file, or a folder that contains a scene.toml. File names are relative to the folder of the definition file. A
+    /// leading `$SCREE_DATA` is replaced by the value of the environment variable. `scene` and `import` exclude each other. If neither is given, the
+    /// scene is `default`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
     /// A heightmap from which the scene is made.
@@ -126,7 +127,7 @@ fn default_signals() -> Vec<String> {
 
 /// Value of the key `times_budget_s` if a definition does not give it, seconds.
 pub const TIMES_BUDGET_S: f64 = 60.0;
-/// Upper limit of `times_budget_s` in runs of `check`, seconds.
+/// Largest time budget that `check` uses, seconds. A larger `times_budget_s` of a definition is reduced to this value.
 const SMALL_TIMES_BUDGET_S: f64 = 5.0;
 
 /// Upper limit of `times_budget_s`, and of the option `--budget` of `bench`: a day, in seconds. A larger value is considered a typing error.
@@ -193,11 +194,11 @@ pub struct MovingView {
     /// How the camera moves.
     pub motion: Motion,
     /// Change per frame. For `sideways` (to the right) and `forwards` (along the horizontal view direction) it is a distance in metres. For `turn`
-    /// (to the right) it is an angle in degrees. For `zoom` it is the decrease of the field of view in degrees.
+    /// (to the right) it is an angle in degrees. For `zoom` it is the decrease of the field of view in degrees. A negative step reverses the motion.
     pub step: f64,
 }
 
-/// How a camera moves.
+/// How a camera moves. A camera whose height is relative to the ground keeps this height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
@@ -291,7 +292,7 @@ pub struct Expectation {
     #[serde(default, rename = "where")]
     pub selection: BTreeMap<String, toml::Value>,
     /// Selects the rows whose mean is the divisor of a ratio; absent = no ratio is computed. Columns that are not given here have the values of
-    /// `where`.
+    /// `where`. The key `metric` names a metric other than that of the expectation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over: Option<BTreeMap<String, toml::Value>>,
     /// The smallest and the largest expected value.
@@ -343,7 +344,7 @@ pub fn setting_text(value: &toml::Value) -> String {
 }
 
 impl Definition {
-    /// Returns the names of all views: first the cameras and paths of the scene, then the moving views.
+    /// Returns the names of all views: first the entries of `views`, then the moving views.
     pub fn view_names(&self) -> impl Iterator<Item = &str> {
         self.views.iter().chain(self.moving_views.iter().map(|view| &view.name)).map(String::as_str)
     }
@@ -377,7 +378,7 @@ impl Definition {
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         let with_another = || metrics::companion_of(metric).is_some_and(|other| self.why_not(other).is_ok());
-        // A report says whether pixels can be followed if any metric depends on it.
+        // The share of disoccluded pixels is measured with any metric that compares frames, because a report says how many pixels could be followed.
         let of_frames =
             || metric == metrics::DISOCCLUDED && metrics::METRICS.iter().any(|m| m.needs == Needs::Frames && self.why_not(m.name).is_ok());
         metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || of_frames() || with_another()

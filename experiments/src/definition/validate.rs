@@ -302,7 +302,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
             Motion::Zoom => 170.0,
         };
         step.within(view.step, -limit, limit)?;
-        // A step that is smaller than the smallest normal number counts as 0. Any larger step moves the camera.
+        // A step whose absolute value is below the smallest normal f64 number counts as 0.
         if view.step.abs() < f64::MIN_POSITIVE {
             step.fail(format!("is 0, so nothing moves: remove this [[view]], and name the camera `{}` in `views` instead", view.camera))?;
         }
@@ -442,7 +442,8 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     let text = match &facts.text {
         Some(text) => text,
         None => {
-            // Before the import, settings that the import writes cannot be checked. If the definition changes one of them, the check is omitted.
+            // Before the import, settings that the import writes cannot be checked. If the definition changes one of them, this function checks
+            // nothing; `check_imported` calls it again after the import.
             let data = |parameter: &str| {
                 ["world", "material", "rule", "stroke", "camera", "path", "name", "description", "detail_size"]
                     .contains(&parameter.split('.').next().unwrap_or_default())

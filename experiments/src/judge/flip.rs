@@ -33,10 +33,12 @@ pub struct Map {
     pub errors: Vec<f32>,
 }
 
-/// Computes the FLIP errors of two pictures of `size` (width, height). Their values are encoded as sRGB, lie in 0..=1, and are rounded to 8 bits.
+/// Computes the FLIP errors of two pictures of `size` (width, height). The values of the pictures are sRGB-encoded. They are clamped to 0..=1 and
+/// rounded to 8 bits.
 ///
 /// # Errors
-/// The lengths do not match, or `pixels_per_degree` lies outside [`metrics::PIXELS_PER_DEGREE_RANGE`].
+/// The lengths do not match the size, there is no pixel, `pixels_per_degree` lies outside [`metrics::PIXELS_PER_DEGREE_RANGE`], or `nv-flip` returns
+/// an error outside 0..=1.
 pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per_degree: f32) -> Result<Map> {
     let [low, high] = metrics::PIXELS_PER_DEGREE_RANGE;
     if !(low..=high).contains(&pixels_per_degree) {

@@ -16,9 +16,9 @@ impl Image {
     ///
     /// The pixels of OpenEXR are placed in the display window. `layer` is the name of a layer. For example, the layer `albedo` has the
     /// channels `albedo.R`, `albedo.G` and `albedo.B`, or the channels R, G and B of the part `albedo`. If `layer` is `None`, the channels
-    /// R, G and B that belong to no layer are read or, if there are none, those of the only layer that has them. A layer must have the
-    /// channels R G B, the channels X Y Z, or a single channel. Colours are converted to the primaries of Rec. 709, which are those of
-    /// sRGB.
+    /// R, G and B that belong to no layer are read or, if there are none, those of the only layer that has them. If no layer has colours, a
+    /// vector or a single value is read in the same way. A layer must have the channels R G B, the channels X Y Z, or a single channel
+    /// besides alpha. Colours are converted to the primaries of Rec. 709, which are those of sRGB.
     ///
     /// # Errors
     /// The file does not exist or is not a picture, is damaged or of an unsupported kind, has no layer or several layers to which `layer`

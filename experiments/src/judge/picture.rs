@@ -46,14 +46,14 @@ impl Image {
 /// Facts about a picture that its file states, and that can affect a comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Origin {
-    /// Name of the layer that was read, if the caller did not name one.
+    /// Name of the layer that was read, if the caller named none and the file has several layers. `None` also if the layer has no name.
     pub layer: Option<String>,
     /// The windows of an OpenEXR file.
     pub windows: Option<Windows>,
     /// The primaries and the white from which the colours were converted to Rec. 709.
     pub converted_from: Option<Chromaticities>,
-    /// The exponent of the encoding that a PNG states (gAMA): sample = light^gamma. The colours were decoded with it; `None` = from sRGB,
-    /// or they are linear.
+    /// The exponent of the encoding that a PNG states (gAMA): sample = light^gamma. The colours were decoded with it. `None` = they
+    /// were decoded from sRGB, or the file stores linear values.
     pub gamma: Option<f64>,
     /// Name of the colour information in the file that was not applied: an ICC profile, or code points (PNG cICP).
     pub ignored: Option<String>,

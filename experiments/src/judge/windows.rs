@@ -26,7 +26,7 @@ impl Windows {
             let begin = i64::from(data.position[axis]) - i64::from(display.position[axis]);
             let inside = |at: i64| at.clamp(0, i64::from(display.size[axis]));
             let [first, last] = [inside(begin), inside(begin + i64::from(data.size[axis]))];
-            // Both are in 0..=u32::MAX after the clamp.
+            // After the clamp, both numbers lie in 0..=u32::MAX, so the conversion cannot fail.
             (first < last).then(|| [first, last].map(|at| u32::try_from(at).unwrap_or(u32::MAX)))
         };
         Some([along(0)?, along(1)?])

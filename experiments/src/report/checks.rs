@@ -69,10 +69,10 @@ pub(super) fn promises(rows: &[GoldenRow]) -> Option<Check> {
         .then(|| (Mark::of(kept == all), format!("{kept} of {all} flavours take the fetches they promise{}", without_number(&unknown))))
 }
 
-/// Limit of the number of names in a text.
+/// Limit of the number of rows that [`without_number`] names.
 const NAMED: usize = 4;
 
-/// Returns the end of a text: the names of the rows that hold NaN or infinity; empty if there are none.
+/// Returns the end of the sentence of [`promises`]: the names of the rows whose count is NaN or infinite; empty if there are none.
 fn without_number(names: &[&str]) -> String {
     if names.is_empty() {
         return String::new();
@@ -259,7 +259,7 @@ pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check
     let probabilities = || rows.iter().filter_map(|row| Some((row.probability.filter(|p| !p.is_nan())?, row.name.as_str())));
     let smallest = probabilities().min_by(|a, b| a.0.total_cmp(&b.0));
     let cancelling = probabilities().filter(|(p, _)| *p < family.level).count();
-    // With very many rows, the level of each test may be smaller than the smallest probability that the random draws can give.
+    // With very many rows, the level of each test may be smaller than the smallest probability that a test by random signs can give.
     let unreachable = smallest.is_some() && SMALLEST_PROBABILITY >= family.level;
     let off = family.judged.iter().filter(|judged| judged.is_off() || judged.row.probability.is_some_and(|p| p < family.level)).count();
     let mark = family.mark(cancelling > 0, unreachable);
@@ -367,7 +367,7 @@ mod tests {
             mark == Mark::Fails && text.contains("1 of 1 random rows are biased") && text.contains("3.9 standard errors (a)"),
             "{text}"
         );
-        // The smallest bias that is found with this probability is 3.291 (limit) + 2.326 (power) + 0.610 (rounding) standard errors.
+        // The smallest bias that is found with a probability of 0.99 is 3.291 (limit) + 2.326 (power) + 0.610 (rounding) standard errors.
         assert!(text.contains("a bias of 0.0623 % of the albedo range everywhere would be found with probability 0.99"), "{text}");
         assert!(text.contains("biases that cancel over the picture were not tested") && !text.contains("compositions"), "{text}");
         // The same bias is accepted as chance if it is the largest of 600 biases, or if its standard error is uncertain.
@@ -381,7 +381,7 @@ mod tests {
 
     #[test]
     fn biases_that_cancel_are_found_by_their_probability() {
-        // Each row has two tests, so the level of each is 0.001 / 4.
+        // Each of the two rows has two tests, so the level of each test is 0.001 / 4.
         let with = |probability: f64| {
             let row = |name: &str, p: f64| Measured { probability: Some(p), ..measured(name, 0.0, 1e-4) };
             bias(&[row("a", 0.4), row("b", probability)], 0, SEEDS).expect("two rows")
@@ -391,7 +391,7 @@ mod tests {
         let (mark, text) = with(2.4e-4);
         assert!(mark == Mark::Fails && text.contains("1 of 2 random rows are biased"), "{text}");
         assert_eq!(with(f64::NAN).0, Mark::Passes);
-        // With 1000 rows, the level of each test is smaller than the smallest probability that the random draws can give.
+        // With 1000 rows, the level of each test is smaller than the smallest probability that a test by random signs can give.
         let many: Vec<Measured> = (0..1000).map(|i| Measured { probability: Some(0.5), ..measured(&i.to_string(), 0.0, 1e-4) }).collect();
         let (mark, text) = bias(&many, 0, SEEDS).expect("rows");
         assert!(mark == Mark::Unclear && text.contains("cannot be tested in 1000 rows"), "{text}");

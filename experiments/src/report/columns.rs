@@ -325,7 +325,7 @@ const OLDEST: f64 = 0.1;
 fn short_history(definition: &Definition) -> Option<String> {
     let resolves = definition.temporal.iter().filter(|name| name.parse::<Resolve>().is_ok_and(Resolve::has_history));
     let resolves: Vec<&str> = resolves.map(String::as_str).collect();
-    // The first measured change is that of frame 1.
+    // Without frames to warm up, the first measured change is that of frame 1.
     let first = definition.warm_up.max(1);
     let kept = 1.0 - f64::from(SHARE);
     let share = kept.powf(f64::from(first));
@@ -356,7 +356,7 @@ fn short_memory(run: &RunData, table: &Table) -> Option<String> {
     })
 }
 
-/// Largest mean share of terrain pixels that cannot be followed from one frame to the next.
+/// Largest mean share of terrain pixels that may be impossible to follow from one frame to the next. Above it, the check is unclear.
 const MOST_HIDDEN: f64 = 0.5;
 
 /// Checks that most pixels can be followed from frame to frame; `None` if no frames were compared.
@@ -439,8 +439,8 @@ fn place_of_reference(table: &Table, reference: &ReferenceFacts) -> String {
     format!("{}{setting}, {}", reference.view, reference.signal.name())
 }
 
-/// Checks that the colours of all pixels are finite; `None` if no choice has the metric. A pixel whose colour is not finite is in no metric, so the
-/// metrics of its choice do not describe the whole picture.
+/// Checks that the colours of all pixels are finite; `None` if their number is not measured for any choice or reference. A pixel whose colour is not
+/// finite is in no metric, so the metrics of its choice do not describe the whole picture.
 fn invalid(table: &Table) -> Option<Check> {
     let mut counts: Vec<(String, f64)> = Vec::new();
     for reference in &table.references {

@@ -16,7 +16,7 @@ use crate::metrics::{self, Signals};
 use crate::row::Row;
 use crate::store::RunPicture;
 
-/// Number of seeded tables of a simulation.
+/// Number of tables of a simulation. Each table has its own seed.
 pub(super) const TABLES: u32 = 1000;
 
 /// A normal deviate of mean 0 and variance 1 (Box and Muller).
@@ -123,8 +123,8 @@ impl Rows {
         }
     }
 
-    /// Adds all metrics of a choice. `scale` is the cell size of its noise. A temporal resolve reduces the random part of the added change and of the
-    /// squared error by the factor `resolve`, and it adds blur.
+    /// Adds all metrics of a choice. `scale` is the cell size of its noise. The random part of the added change and of the squared error is
+    /// multiplied by `resolve` (1 = no temporal resolve). A smaller `resolve` also means more lost change.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));
@@ -235,7 +235,7 @@ impl Rows {
     }
 }
 
-/// Returns a row with the columns that are equal in all rows of a run.
+/// Returns a row with the view `view` and default values in the other columns of a choice. Callers replace the columns that differ.
 pub(super) fn base(view: &str) -> Row {
     Row {
         experiment: "fake".to_owned(),

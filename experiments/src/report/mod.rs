@@ -42,7 +42,8 @@ pub(crate) use load::{judge, of, read_run};
 pub(crate) struct RunData {
     /// The definition that was run.
     pub(crate) definition: Definition,
-    /// Entries of the run's manifest: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
+    /// Entries of the run's manifest: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`,
+    /// `shard`, `without_anisotropy`.
     pub(crate) manifest: serde_json::Value,
     /// The rows of all metrics except device times.
     pub(crate) rows: Vec<Row>,

@@ -11,7 +11,7 @@ pub(super) const LEVEL: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Estimate {
     pub(super) value: f64,
-    /// Standard error; 0 = the value is exact, or its standard error is not known.
+    /// Standard error; 0 = the value is exact, or its standard error is not known; infinite = the value must not count as different from any other.
     pub(super) error: f64,
     /// Degrees of freedom of the standard error, at least 1; infinite = the standard error is certain.
     pub(super) freedom: f64,
@@ -35,7 +35,7 @@ impl Estimate {
         difference > limit(2.0 * level, freedom_of_sum([(self.error, self.freedom), (other.error, other.freedom)])) * error
     }
 
-    /// Returns the half-width of the 95 % confidence interval; `None` = no standard error is known.
+    /// Returns the half-width of the 95 % confidence interval; `None` = the standard error is 0 or infinite.
     pub(super) fn half(self) -> Option<f64> {
         (self.error > 0.0 && self.error.is_finite()).then(|| half_width(self.error, self.freedom))
     }

@@ -60,7 +60,8 @@ fn results(run: &RunData) -> BTreeMap<&'static str, Option<Mark>> {
     named_checks(run, &Table::of(run), &judge(run)).into_iter().map(|(name, check)| (name, check.map(|(mark, _)| mark))).collect()
 }
 
-/// Returns the row that the report uses for a metric of a variant: the row over all frames or, if there is none, the row of a single frame.
+/// Returns the row of a metric and a variant that a fault changes: the row over all frames or, if there is none, the row of the earliest frame. If
+/// the metric has rows for both signals, it is that of albedo.
 fn row<'a>(run: &'a mut RunData, metric: &str, variant: &str) -> &'a mut Row {
     let found = run.rows.iter_mut().filter(|row| row.metric == metric && row.variant == variant && row.lag.is_none());
     found.min_by_key(|row| row.frame).expect("every choice has this metric")

@@ -23,7 +23,7 @@ pub(crate) struct Lab<'a> {
     pub(crate) bends: &'a [Bend],
     /// Errors of the encodings that store directions, and errors of derivatives that are computed from stored planes.
     pub(crate) directions: &'a [Row],
-    /// Tests of hashes and noise. All their p-values together have one significance level.
+    /// Tests of hashes and noise, and other numbers about them. All p-values together have one significance level.
     pub(crate) noise: &'a [Row],
     /// Properties of noise while the camera moves.
     pub(crate) motion: &'a [Row],
@@ -77,7 +77,7 @@ impl<'a> Group<'a> {
         self.findings.iter().copied().filter(|finding| finding.on == "gpu")
     }
 
-    /// Returns the finding with the largest error among the findings of devices.
+    /// Returns the finding with the largest error among the findings of devices; the first finding if there is no device.
     fn worst(&self) -> &'a Finding {
         self.on_gpu().max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
     }
@@ -86,7 +86,8 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// Returns the result in words: that it is exact, or its largest error and the value of the parameter at which this error occurs.
+    /// Returns the result of devices in words: that it only had to be finite, that it is exact, or the largest error with the value of the parameter
+    /// at which this error occurs.
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().all(|finding| finding.compared == 0) {
@@ -416,8 +417,8 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     Ok(html::page("Stability lab", &body))
 }
 
-/// Formats the value of the parameter at which the largest error occurs. Whole numbers are written with all digits, because some tested values differ
-/// only in their last digits: 32-bit words, and the neighbours of powers of two.
+/// Formats the value of the parameter at which the largest error occurs. Whole numbers below 1e10 are written with all digits, because some tested
+/// values differ only in their last digits: 32-bit words, and the neighbours of powers of two.
 fn place(value: f64) -> String {
     let short = number(value);
     let is_cut = value.fract() == 0.0 && value.abs() < 1e10 && short.parse() != Ok(value);

@@ -1,4 +1,5 @@
-//! Converts rows to one summary for each choice. A summary contains the data of one row of a table and of one point of a plot.
+//! Converts the rows of a run to one summary for each choice. A *choice* is one combination of view, variant, estimator, noise, temporal resolve and
+//! value of the varied parameter. A summary contains the data of one row of a table and of one point of a plot.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -146,7 +147,7 @@ impl Metric {
         Metric { of: Of::Given(signal), ..self }
     }
 
-    /// Whether the values are counts of a deterministic program. They have no error, although they differ from frame to frame.
+    /// Whether the metric is a number of fetches. Such a number has no sampling error, although it differs from frame to frame.
     fn is_exact(self) -> bool {
         self == FETCHES || self == TILE_FETCHES
     }
@@ -261,8 +262,8 @@ impl Summary {
         Estimate { error: self.error(metric).unwrap_or(unknown), freedom, ..Estimate::exact(self.value(metric)) }
     }
 
-    /// Whether a value over all frames lacks its standard error. This happens if only one frame, or one pair of frames, was measured: nobody knows how
-    /// much such a value scatters.
+    /// Whether a metric needs several frames, and its value over all frames has no known standard error. This is so for percentiles, and if only one
+    /// frame, or one pair of frames, was measured. It is then unknown how much the value scatters.
     pub(super) fn is_doubtful(&self, metric: Metric) -> bool {
         let of_frames = metrics::find(metric.name).is_some_and(|m| m.needs == Needs::Frames);
         let number = self.number(metric).filter(|number| of_frames && number.frames == Frames::All);
@@ -274,7 +275,7 @@ impl Summary {
         self.number(metric).and_then(Number::recorded_freedom)
     }
 
-    /// Whether the choice is stochastic. Deterministic choices have neither bias nor variance to report.
+    /// Whether the picture of the choice depends on the seed. Otherwise there is neither bias nor variance to report.
     pub(super) fn is_stochastic(&self) -> bool {
         [VARIANCE, THEORY, FLIPS].iter().any(|m| self.value(*m) > 0.0)
     }
@@ -334,7 +335,7 @@ pub(super) struct Shading {
     pub(super) ratio: f64,
     /// Standard error of the ratio; `None` = unknown.
     pub(super) error: Option<f64>,
-    /// Whether both times were measured in the same rounds. Times of different values of the varied parameter were not.
+    /// Whether the choice and the base were timed in the same rounds. Choices with different values of the varied parameter were not.
     pub(super) is_interleaved: bool,
 }
 
@@ -344,7 +345,7 @@ impl Shading {
         rounds::is_stable(self.ratio, self.error)
     }
 
-    /// Whether the ratio was measured in the same rounds, but is not known well enough for fronts and sentences.
+    /// Whether the choice and the base were timed in the same rounds, but the ratio is not known well enough for fronts and sentences.
     pub(super) fn is_unstable(&self) -> bool {
         self.is_interleaved && !self.is_stable()
     }
@@ -387,7 +388,7 @@ pub(super) struct Table {
     pub(super) settings: Vec<String>,
     /// The varied parameter; empty = none.
     pub(super) parameter: String,
-    /// Number of rows that repeat the number of an earlier row. They are ignored.
+    /// Number of rows that have the same choice, metric, signal, lag, frequency and frame as an earlier row. They are ignored.
     pub(super) doubles: usize,
     /// Number of values that are means over frames, computed by the report.
     pub(super) averaged: usize,
@@ -446,9 +447,9 @@ fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
-/// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Such rows are those of `clumping`, and those of
-/// changes in tables of earlier versions. The runner computes the standard error from the scatter of several values. The degrees of freedom are one
-/// less than the number of these values, which is computed here as if each frame had a value.
+/// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Such rows are those of `clumping`, of spectra and of
+/// times, and in tables of earlier versions those of metrics over frames. If the runner computes the standard error from the scatter of several
+/// values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame had a value.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
     let sequence = definition.sequence();
     let values = match metrics::find(metric).map(|metric| metric.needs) {
@@ -456,7 +457,7 @@ fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f
         _ if metric == metrics::POWER => return f64::INFINITY,
         _ if metric == metrics::PERCEIVED_NOISE => sequence.seen_frames(),
         Some(Needs::Seeds) => definition.seeds,
-        // The standard error of a time is derived from the interval of its median, and it is treated as certain.
+        // The standard error of a time is derived from the interval of its median, and it is treated as known exactly.
         Some(Needs::Clock) => return f64::INFINITY,
         _ => {
             let compared = sequence.compared(lag.unwrap_or(0));

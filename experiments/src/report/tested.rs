@@ -1,4 +1,5 @@
-//! Selects the choices whose bias and variance are tested, and describes the biases of those that are biased by design.
+//! Selects the choices whose bias and variance are tested, and describes the biases of those that are biased by design. A *choice* is one combination
+//! of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
 //! A composition of flavours is a weighted sum of their pictures, with weights that do not depend on the seed. The results for compositions therefore
 //! follow from tests of their flavours. Testing the compositions, too, would only raise the limit for all tests.
@@ -13,15 +14,16 @@ use super::summary::{BIAS, BIAS_P, EXACT_MSE, Metric, Summary, THEORY, Table};
 use crate::definition::variant_choice;
 use crate::significance::limit;
 
-/// The choices that are tested, and the number of other random choices, whose results follow from the tests.
+/// The choices that are tested, and the number of the other choices that draw random numbers. The results of the latter follow from the tests.
 struct Tested<'a> {
     members: Vec<&'a Summary>,
     follow: usize,
 }
 
 impl<'a> Tested<'a> {
-    /// Selects the random choices that have a number of this metric and an estimator whose mean is the exact blend. A choice of several flavours is
-    /// not tested if each of its random flavours is tested alone, with the same values of all columns but the variant. It is counted in `follow`.
+    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. A choice of
+    /// several flavours is not tested if each of its random flavours is tested alone, with the same values of all columns but the variant. It is
+    /// counted in `follow`.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries

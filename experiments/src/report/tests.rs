@@ -348,7 +348,8 @@ fn unstable_times_are_marked_and_lie_on_no_front() {
         row.standard_error = error.map(|share| share * row.value);
         run.clone()
     };
-    // 1.96 standard errors of 2.6 % are 5.1 %, so the time is unstable. Its choice leaves the front over time, but not the front over fetches.
+    // 1.96 standard errors of 2.6 % are 5.1 %, so the time is unstable. Its choice leaves the front whose cost is the time, but not the front whose
+    // cost is the number of fetches.
     for (error, words) in [(Some(0.026), "unstable (\u{b1} 5.1 %)"), (None, "unstable (no interval)")] {
         let run = spread(error);
         let table = Table::of(&run);
@@ -607,7 +608,7 @@ fn intervals_follow_from_the_degrees_of_freedom() {
     assert_eq!(half(16, "perceived_noise", None), 3.182);
     assert_eq!(half(16, "clumping", None), 2.365);
     // The row of a bias gives 90 degrees of freedom. The standard error of a time is the half-width of its interval divided by 1.96, and it is
-    // treated as certain.
+    // treated as known exactly.
     assert_eq!((FREEDOM, half(16, "bias", None)), (90.0, 1.987));
     assert!((half(16, "gpu_ratio:shading", None) - 1.96).abs() < 1.5e-3, "{}", half(16, "gpu_ratio:shading", None));
 }

@@ -16,7 +16,7 @@ const VIEWS: usize = 3;
 /// Limit of the number of disadvantages that the sentence about a parameter names.
 const DRAWBACKS: usize = 2;
 
-/// The form of the answer. It is named after the column whose values the answer compares.
+/// The form of the answer. It is named after the column whose values the answer compares. `One`: nothing is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     Parameter,
@@ -219,7 +219,8 @@ fn price(table: &Table, choices: &[&Summary]) -> String {
     parts.join(", ")
 }
 
-/// Returns the flip rate and the clumping of a choice as text. Fewer flips often cause more clumping, so a sentence always gives both.
+/// Returns the flip rate and the clumping of a choice as text. Fewer flips often cause more clumping, so a sentence that gives one of them also gives
+/// the other.
 fn flips_and_clumping(summary: &Summary) -> String {
     let said = |metric: Metric| {
         if summary.value(metric).is_nan() { format!("{} not measured", metric.words) } else { say(summary, metric) }
@@ -431,8 +432,8 @@ fn noises_told(table: &Table, rows: &[usize]) -> Option<Told> {
     Some(Told { answer: format!("{names} by {}", metric.words), sure: true, sentence, numbers, otherwise })
 }
 
-/// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured. `best`: the row of this noise.
-/// `subject`: the words that stand for this noise in the sentence.
+/// Says how the noise that adds the least change looks to the eye; `None` if perceived noise was not measured, or if the sequence is too short for
+/// it. `best`: the row of this noise. `subject`: the words that stand for this noise in the sentence.
 fn eye(table: &Table, rows: &[usize], best: usize, subject: &str) -> Option<String> {
     let Ranking { best: quiet, worst: noisy, level, .. } = ranking(table, rows, PERCEIVED, 1)?;
     let of = |i: usize| &table.summaries[i];
@@ -507,7 +508,7 @@ fn rows_of_parameter(table: &Table, rows: &[usize]) -> Vec<usize> {
     })
 }
 
-/// Returns the number of values and the name of the parameter, with the choice that is compared.
+/// Returns the number of compared values and the name of the parameter as text. If variants or noises vary, too, the text names those of the rows.
 fn values_of(table: &Table, rows: &[usize]) -> String {
     let first = rows.first().map(|&i| &table.summaries[i].key);
     let several = table.variants.len() > 1 || table.noises.len() > 1;
@@ -593,7 +594,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
 
 // ---- Temporal resolves. ----
 
-/// The row of a choice without a resolve, and its row with the resolve.
+/// A row with the base resolve ([`base_of`]), and the row that differs from it only in the resolve.
 type Pair = (usize, usize);
 
 /// Returns, for a resolve, the pairs of rows that differ only in the resolve. If there are stochastic choices, deterministic choices are omitted: a
@@ -619,7 +620,8 @@ fn base_of(table: &Table) -> Option<&String> {
 /// Smallest value that can be the base of a factor, as a share of the largest value in the view.
 const NEGLIGIBLE: f64 = 0.01;
 
-/// Whether a factor of this value says something: the value is above 0, not only by chance, and not negligible in its view.
+/// Whether a factor ([`Factor`]) of the value of a metric in this row is meaningful. The value must be larger than the half-width of its confidence
+/// interval (0 if unknown), and at least the share [`NEGLIGIBLE`] of the largest value in its view.
 fn is_base(table: &Table, row: usize, metric: Metric) -> bool {
     let summary = &table.summaries[row];
     let of_view = table.summaries.iter().filter(|other| other.key.view == summary.key.view).map(|other| other.value(metric));
@@ -768,9 +770,9 @@ enum Change {
     Still,
 }
 
-/// Describes how a metric changes from the first to the second row of each pair. Pairs without a factor ([`Factor::of`]) are left out; the text then says how
-/// many are described. For a single pair the text gives both values, for several pairs it
-/// gives the range of ratios.
+/// Describes how a metric changes from the first to the second row of each pair. Pairs without a factor ([`Factor::of`]) are left out. The text then
+/// says how many pairs it describes. For a single pair the text gives both values, for several pairs it gives the range of factors. `None` if no pair
+/// has a factor.
 fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
     let mut known: Vec<Factor> = pairs.iter().filter_map(|&pair| Factor::of(table, pair, metric)).collect();
     known.sort_by(|a, b| a.ratio().total_cmp(&b.ratio()));
@@ -980,7 +982,8 @@ fn variants_told(table: &Table, rows: &[usize]) -> Option<Told> {
         });
     };
     let auto = of(automatic);
-    // The question is not about the noise. The automatic choice is worth its fetches if it is on a front with any of the noises.
+    // The question is not about the noise. The automatic choice is worth its fetches if, with any of the noises, it is on a front or as good within
+    // chance.
     let is_worth = |&i: &usize| fronts.iter().any(|front| front.contains(i) || front.is_alike(i));
     let worth = auto.value(error).is_nan() || rows.iter().filter(|&&i| of(i).key.variant == "auto").any(is_worth);
     // The most expensive choice on the front that costs at most as much as the automatic choice. If the automatic choice is not on the front, this
@@ -1129,9 +1132,9 @@ mod tests {
     /// A number of a choice: its metric, its value and its standard error.
     type Figure = (&'static str, f64, Option<f64>);
 
-    /// Returns the answer of a run of albedo in 16 frames, with the given choices and their numbers. Standard errors of changes have 14 degrees of
-    /// freedom, so the half-width of a 95 % interval is 2.145 standard errors. Perceived noise is measured in four frames, so the half-width is 3.182
-    /// standard errors.
+    /// Returns the answer of a run that measures albedo in 16 frames, with the given choices and their numbers. Standard errors of changes have 14
+    /// degrees of freedom, so the half-width of a 95 % interval is 2.145 standard errors. Perceived noise is measured in four frames, so the
+    /// half-width is 3.182 standard errors.
     fn said(choices: &[(Row, Vec<Figure>)]) -> String {
         said_in(16, choices)
     }
@@ -1158,7 +1161,7 @@ mod tests {
         said(choices).lines().next().expect("an answer").to_owned()
     }
 
-    /// Numbers that are certain: fetches, RMSE, added change, flip rate and clumping. NaN = the number has no row.
+    /// Numbers with the standard error 0: fetches, RMSE, added change, flip rate and clumping. NaN = the number has no row.
     fn five(values: [f64; 5]) -> Vec<Figure> {
         let metrics = ["fetches_per_px", "rmse", "added", "flip_rate", "clumping"];
         metrics.into_iter().zip(values).filter(|(_, value)| !value.is_nan()).map(|(metric, value)| (metric, value, Some(0.0))).collect()
@@ -1639,7 +1642,7 @@ mod tests {
         assert_eq!([of(0.0100, 0.0101, None), of(0.0100, 0.0200, None)], [(Difference::Unclear, false); 2]);
         assert_eq!([of(0.0, 0.0, None), of(0.01, 0.0101, Some(0.0))], [(Difference::Close, true); 2]);
         assert_eq!(of(0.0100, 0.0103, Some(0.00001)), (Difference::Apart, false));
-        // The details follow the same rule.
+        // The lines with details also treat values as equal only if their intervals are narrow.
         let scale = |value: &str, error: f64| (setting("p", value), vec![("rmse", if value == "1" { 0.05 } else { 0.0501 }, Some(error))]);
         assert!(said(&[scale("1", 1e-5), scale("2", 1e-5)]).contains("the parameter changes RMSE by less than 2 %"));
         let text = said(&[scale("1", 0.01), scale("2", 0.01)]);
@@ -1653,8 +1656,8 @@ mod tests {
         assert!(text.contains("flip rate from 0.300") && !text.contains("by less than"), "{text}");
     }
 
-    /// Counts the seeded tables for whose answer `holds` is true. Each metric has the same true value in all `rows`. `metrics`: each metric with the
-    /// number of values from which it is measured.
+    /// Counts the random tables, out of [`TABLES`], for which `holds` is true. Each metric has the same true value in all `rows`. `metrics`: each
+    /// metric with the number of random values whose mean is its measured value.
     fn count(rows: &[Row], metrics: &[(&'static str, u32)], salt: u32, holds: impl Fn(&Table) -> bool) -> u32 {
         let table = |seed: u32| {
             let figures = |(point, row): (u32, &Row)| {

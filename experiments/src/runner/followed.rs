@@ -73,7 +73,7 @@ impl Followed {
         }
     }
 
-    /// The group to which a measured frame belongs.
+    /// Returns the index of the group of consecutive frames ([`GROUPS`]) to which a measured frame belongs.
     fn group(&self, frame: u32) -> usize {
         let (frames, frame) = (self.sequence.measured(), frame - self.sequence.warm_up);
         (u64::from(frame) * u64::from(frames.min(GROUPS)) / u64::from(frames)) as usize
@@ -251,7 +251,7 @@ mod tests {
         let mut moments = Moments::<f64>::new();
         values.iter().for_each(|&v| moments.add([v, 0.0]));
         let mut groups: Vec<Residual> = values.iter().map(|&v| group(v)).collect();
-        // Groups without pixels, such as the first frame, do not count.
+        // Groups without linked pixels do not count, such as a group that contains only the first frame.
         groups.push(Residual::default());
         let Mean { value, standard_error, freedom } = jackknife(&groups, Residual::mean).expect("a value");
         assert!((value - moments.mean()).abs() < 1e-12);

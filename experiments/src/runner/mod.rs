@@ -92,7 +92,7 @@ impl<'a> Runner<'a> {
         Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
     }
 
-    /// Ensures that the renderer has the scene and the frame settings for a value of the varied parameter. The present renderer is changed
+    /// Ensures that the renderer has the scene and the frame settings for a value of the varied parameter. An existing renderer is changed
     /// if this is possible, and is otherwise replaced by a new one.
     fn prepare(&mut self, setting: &Setting) -> Result<()> {
         if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
@@ -242,7 +242,8 @@ impl Labels<'_> {
     }
 }
 
-/// Returns the flavours that any of the variants may need, as far as the renderer's scene supports them.
+/// Returns the flavours that any of the variants may need. The virtual texture is left out if the renderer's scene does not use it. `None` if no
+/// flavour remains.
 fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
     let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.demands().has(flavour);
     let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));

@@ -292,7 +292,7 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
-        // For each signal: the number in the sequence that has the most. There is a sequence for each set of sample points.
+        // For each signal: the largest number of invalid pixels among the sets of sample points, each summed over the frames.
         let mut invalid = vec![0u64; signals.len()];
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
@@ -335,7 +335,7 @@ impl Runner<'_> {
                 }
                 Ok(())
             })?;
-            // The first tracks are those of one resolve. The other resolves get the same shaded pixels.
+            // Only the first resolve of the group is counted: its tracks come first, and the other resolves get the same shaded pixels.
             invalid.iter_mut().zip(&counted).for_each(|(most, &count)| *most = count.max(*most));
             for (changes, histogram) in changes.iter_mut().zip(&histograms) {
                 changes.p95 = quantile(histogram, 0.95);

@@ -387,8 +387,9 @@ impl Runner<'_> {
                 && let Some(mean_square) = errors[i].mean_square()
             {
                 labels.put_mean(rows, name, Signal::Albedo, metrics::BIAS_SQUARED, mark, mean_square)?;
-                // Only estimators whose mean should equal the exact blend are tested; the others differ from it by design. For those, the test would
-                // also be slow: it draws random signs until enough results are as large as the measured number, so a small p-value needs many.
+                // Only estimators whose mean should equal the exact blend are tested; the others differ from it by design. For these others, the test
+                // would also be slow: it draws random signs until enough results are as large as the measured number, so a small p-value takes many
+                // draws.
                 if how.estimator.bias().is_none()
                     && labels.definition.measures(metrics::BIAS_SQUARED_P)
                     && let Some(probability) = errors[i].probability()

@@ -73,11 +73,11 @@ impl Rounding {
         angle(octahedral::decode(octahedral::dequantise(self.code(n, bits), bits)), n)
     }
 
-    /// Returns the upper bound of the error, radians. Codes have a distance of 1 / h along each coordinate. On a face of the octahedron, the diagonal
-    /// of a square of four codes is sqrt(6) / h long. With fast rounding, a point is at most half this diagonal away from its code. With exact
-    /// rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two equilateral triangles in the square. At the middle of a
-    /// face, the distance to the centre of the octahedron is 1 / sqrt(3), so an angle is the distance on the face times sqrt(3)
-    /// (docs/stability-lab.md, section 1).
+    /// Returns the upper bound of the error, radians. With h = `octahedral::half(bits)`, codes have a distance of 1 / h along each coordinate. On a
+    /// face of the octahedron, the diagonal of a square of four codes is sqrt(6) / h long. With fast rounding, a point is at most half this diagonal
+    /// away from its code. With exact rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two equilateral triangles in
+    /// the square. At the middle of a face, the distance to the centre of the octahedron is 1 / sqrt(3), so an angle is the distance on the face
+    /// times sqrt(3) (docs/stability-lab.md, section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -194,7 +194,7 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let ray = view.ray(draw.whole(size[0]), draw.whole(size[1])).to_array();
     let incidence_deg = draw.between(low, high);
     let normal = draw.leaning(octahedral::unit(ray).map(|x| -x), incidence_deg.to_radians());
-    // Terrain has no overhangs. If the normal points downwards, ray and normal are therefore mirrored vertically.
+    // Terrain has no overhangs. If the normal points downwards, ray, steps and normal are therefore mirrored vertically.
     let upright = |v: [f64; 3]| if normal[2] < 0.0 { [v[0], v[1], -v[2]] } else { v };
     let (ray, normal) = (upright(ray), upright(normal));
     let steps = [view.ray_dx, view.ray_dy].map(|step| upright(step.to_array()));

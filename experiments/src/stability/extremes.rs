@@ -80,7 +80,7 @@ pub struct Case {
     /// Name of the axis whose values the parameter takes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
-    /// Number of rows for each value. The other inputs of a row are random.
+    /// Number of rows for each value; absent = 1024. The other inputs of a row are random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<u32>,
     /// Largest accepted error, in the unit of the kernel's first measure. It applies in addition to the derived tolerance. Absent = only the derived

@@ -33,7 +33,7 @@ pub struct Finding {
     pub compared: usize,
     /// Number of rows for which result and reference lie on different sides of a threshold, and the threshold lies within the tolerance.
     pub other_side: usize,
-    /// Largest error, divided by the derived tolerance.
+    /// Largest ratio, over the rows, of a row's error to its derived tolerance.
     pub of_tolerance: f64,
     /// Largest error in units in the last place (ULP) of the largest result of its row.
     pub worst_ulp: f64,

@@ -78,8 +78,8 @@ fn row(kind: NoiseKind, view: &str, motion: &str, statistic: &str, value: f64) -
     Row { kind: kind.name().to_owned(), view, motion, statistic, value, low: 0.0, high: 1.0 }
 }
 
-/// Returns a random place at most some 260 km from a sector, with a random footprint, pixel and frame. The places are so far apart that a cell rarely
-/// contains two of them, even if it has the largest size.
+/// Returns a random place at most some 260 km from a sector along each axis, with a random footprint, pixel and frame. The places are so far apart
+/// that a cell rarely contains two of them, even if it has the largest size.
 pub fn scattered(sector: i32, i: u32) -> Ask {
     let mut random = Random(u64::from(i) << 20 ^ u64::from(sector.cast_unsigned()) << 40);
     let footprint = random.between(f64::from(OCTAVES.start), f64::from(OCTAVES.end)).exp2();
@@ -113,7 +113,7 @@ fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -
 /// exactly these cells. The pixel has the column and row of the cell, and the frame follows from the layer of the cell.
 fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
     let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
-    // The place is a twentieth of a cell away from the corner of the cell, so that rounding does not move it into a neighbouring cell.
+    // Along each axis, the place is a twentieth of a cell above a multiple of the cell, so that rounding does not move it into a neighbouring cell.
     let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
     let point = HashedPoint {
         sector: [sector, -sector],

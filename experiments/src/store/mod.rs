@@ -10,11 +10,12 @@
 //!   pictures/, video/  pictures of the report; sequences of frames, if the definition requests them
 //!   parts/             a file for each finished part; removed when all parts are finished and joined
 //!   metrics.parquet    all rows of metrics, in the order of the parts; metrics.csv has the same rows
-//!   times.parquet      device times, which differ each time; times.csv has the same rows
+//!   times.parquet      device times, which differ from run to run; times.csv has the same rows
 //! ```
 //!
-//! Every file is written under a temporary name, flushed to the disk, and then renamed. A file is therefore either complete or absent. The bytes of
-//! the metrics do not depend on how often the run was stopped and resumed.
+//! Every file but `lock` is written under a temporary name and then renamed. A file is therefore either complete or absent. The manifest, the parts
+//! and the tables are flushed to the disk before they are renamed. The bytes of the metrics do not depend on how often the run was stopped and
+//! resumed.
 //!
 //! Files can also be damaged later, or be replaced by files of another run. The manifest therefore contains a checksum of itself, and hashes of the
 //! tables and of the imported scene. A part contains the identity of its run, and the part of a reference contains hashes of the reference's files.
@@ -49,7 +50,7 @@ use table::{Table, read_parquet, write_csv, write_parquet};
 const LOCK: &str = "lock";
 const PARTS: &str = "parts";
 const SCENE: &str = "scene";
-/// Folder of converged references.
+/// Folder of converged references and reference sequences.
 pub(crate) const REFERENCE: &str = "reference";
 /// Extension of the files with the pictures of reference sequences.
 pub(crate) const SEQUENCE: &str = "frames";
@@ -78,7 +79,8 @@ pub enum Existing {
     Refuse,
     /// Continue it if it is the requested run. Otherwise report an error.
     Resume,
-    /// If it is the requested run and was stopped, continue it. Otherwise, if it has the same name as the requested run, replace it.
+    /// If it is the requested run and was stopped, continue it. Otherwise, if it has the same name as the requested run, replace it. If the names
+    /// differ, report an error.
     Replace,
 }
 
@@ -345,8 +347,9 @@ impl Run {
         Ok(())
     }
 
-    /// Stores the result of a part. The columns that follow from the part or from the metric are set here, so that rows cannot contradict them. If
-    /// the metric is measured for each signal, the column `signal` keeps the value `lit`, and any other value is replaced by `albedo`.
+    /// Stores the result of a part. If another shard stores the rows of the part ([`Share::kept`]), no rows are stored. The columns that follow from
+    /// the part or from the metric are set here, so that rows cannot contradict them. If the metric is measured for each signal, the column `signal`
+    /// keeps the value `lit`, and any other value is replaced by `albedo`.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {

@@ -1,4 +1,4 @@
-//! Reads TOML documents (scene files and definitions of experiments) into their types, and reports errors with their line.
+//! Reads TOML documents, such as scene files and definitions of experiments, into their types, and reports errors with their line.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -21,7 +21,7 @@ const MAX_BYTES: u64 = 4 << 20;
 /// The text of a document file, at most 4 MiB of UTF-8. `kind` names the expected kind of document, such as `scene`.
 ///
 /// # Errors
-/// The file is a device, too large, unreadable, or not text. The error gives the reason in one line, without the file's name.
+/// The file is a folder, device or pipe, or is too large, unreadable, or not UTF-8. The error gives the reason in one line, without the file's name.
 pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
     // A device or a pipe is refused, because reading it may never end.
@@ -225,7 +225,7 @@ impl At {
     /// Checks a name that is shown in tables and on terminals.
     ///
     /// # Errors
-    /// The name does not have 1 to 100 characters on one line.
+    /// The name is empty or consists of white space, has more than 100 characters, or contains a control character.
     pub fn name(&self, name: &str) -> Checked {
         if name.trim().is_empty() {
             return self.fail("is empty: give a name");
@@ -271,7 +271,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
             Some(key) => format!("the key `{key}` is missing{}", remedy_of_missing(key)),
             None => match span.as_ref().and_then(|span| find_value(text, &message, span)) {
                 Some((key, at)) => return (Some(line(&at)), format!("{key}: {message}")),
-                // The reader's message has the error and its position, but not the key.
+                // The error of the reader has a message and a position, but no key.
                 None => match span.as_ref().and_then(|span| key_of_value(text, span)) {
                     Some(key) if !message.contains(&format!("`{key}`")) => format!("{key}: {message}"),
                     _ => message,
@@ -345,7 +345,7 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
 }
 
 /// Finds the value that caused the reader's error: the value at `span` or, if the span covers a whole table, the value that the message quotes.
-/// Returns the key of this value, and the position of the key.
+/// Returns the key of this value, and the position of the key; `None` if the message does not report an invalid value, or quotes nothing.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;

@@ -48,7 +48,7 @@ fn target(file: &Path) -> Result<PathBuf> {
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
-    /// The lock. `None` only while the value is dropped.
+    /// The locked file beside the folder. `None` only while this value is dropped.
     lock: Option<File>,
 }
 
@@ -56,7 +56,7 @@ pub struct WholeFolder {
 /// temporary folders.
 ///
 /// # Errors
-/// The path does not end in a name.
+/// `place` does not end in a name, or is a link that leads nowhere.
 fn temporary_beside(place: &Path) -> Result<(PathBuf, PathBuf)> {
     // If `place` is a link to an empty folder, the new folder replaces that folder, and the link stays.
     let place = if place.is_symlink() { fs::canonicalize(place).map_err(failed(place))? } else { place.to_owned() };
@@ -68,7 +68,7 @@ fn temporary_beside(place: &Path) -> Result<(PathBuf, PathBuf)> {
     Ok((place, begin))
 }
 
-/// The path with an ending.
+/// The path with `end` appended to its last name.
 fn with(path: &Path, end: &str) -> PathBuf {
     let mut path = path.as_os_str().to_owned();
     path.push(end);
@@ -79,7 +79,7 @@ fn with(path: &Path, end: &str) -> PathBuf {
 /// is still filling are kept. Returns the removed folders.
 ///
 /// # Errors
-/// `place` does not end in a name, or an abandoned folder cannot be removed.
+/// `place` does not end in a name, or is a link that leads nowhere, or an abandoned folder cannot be removed.
 pub fn remove_unfinished(place: &Path) -> Result<Vec<PathBuf>> {
     let (_, begin) = temporary_beside(place)?;
     let (Some(parent), Some(begin)) = (begin.parent(), begin.file_name()) else { return Ok(Vec::new()) };
@@ -115,7 +115,8 @@ impl WholeFolder {
     /// Creates a temporary folder next to `place`; [`WholeFolder::finish`] renames it to `place`.
     ///
     /// # Errors
-    /// `place` does not end in a name, or the temporary folder cannot be created.
+    /// `place` does not end in a name, or is a link that leads nowhere. Or the temporary folder or its lock file cannot be created, or this lock file
+    /// is locked already.
     pub fn beside(place: &Path) -> Result<WholeFolder> {
         let (place, begin) = temporary_beside(place)?;
         let temporary = with(&begin, &std::process::id().to_string());

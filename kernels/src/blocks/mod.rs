@@ -1,8 +1,8 @@
 //! Encoder and decoder for BC1 and BC3 images on the CPU. They convert complete RGBA8 images to blocks, and back.
 //!
 //! Texels are row-major, 4 bytes each, red first. Block formats: Direct3D 11.3 functional specification, section 19.5 ("Block Compression
-//! Formats"). The encoder is `texpresso`. In its fast setting, the colour line of a block runs between the extreme colours along the
-//! block's principal axis.
+//! Formats"). The encoder is `texpresso`. With [`Effort::Fast`], the two end points of a block are its extreme colours along the principal
+//! axis of its colours.
 
 use rayon::prelude::*;
 use texpresso::{Algorithm, Format, Params};
@@ -10,9 +10,10 @@ use texpresso::{Algorithm, Format, Params};
 /// A block format of node payloads and of detail textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockFormat {
-    /// 8 bytes per block: a line of colours between two 5:6:5 end points; alpha is 0 or 255.
+    /// 8 bytes per block: up to 4 colours on the line between two 5:6:5 end points; alpha is 0 or 255.
     Bc1,
-    /// 16 bytes per block: colours as in BC1, and a line of 8 alpha values between two 8-bit end points.
+    /// 16 bytes per block: colours as in BC1, and 8 alpha values. Either all 8 are spaced evenly between two 8-bit end points, or 6 of them are, and
+    /// the other two are 0 and 255.
     Bc3,
 }
 
@@ -43,8 +44,8 @@ impl BlockFormat {
 pub enum Effort {
     /// The range fit of `texpresso`: about a microsecond per block.
     Fast,
-    /// The range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, and it is much faster
-    /// than the cluster fit.
+    /// The range fit, improved by `refine` in blocks that lie completely inside the image. Its quality is within one decibel of the cluster fit,
+    /// and it is much faster than the cluster fit.
     Refined,
     /// The iterated cluster fit of `texpresso`: tens of microseconds per block. Meant for the few blocks where quality matters most.
     Best,

@@ -4,7 +4,7 @@
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
-    modulated: u32,         // 1 = the scene has a colour modulation map. Each flavour but vt counts a fetch of the map; the composed count has one
+    modulated: u32,         // 1 = the scene has a colour modulation map. Each flavour but vt counts a fetch of it; the composed count includes one
     squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     lit: u32,               // 1 = the picture is lit and mapped to the display; 0 = it is linear albedo
 }
@@ -102,7 +102,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         var shared_fetches = 0u;
         for (var flavour = 0u; flavour < 5u; flavour++) {
             let w = weights[flavour];
-            // The textures of a flavour outside the mask may hold undefined values.
+            // The textures of a flavour outside the mask may be empty, or hold the values of another frame.
             if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
                 continue;
             }

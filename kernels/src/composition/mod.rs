@@ -42,7 +42,7 @@ pub struct CompositionStream {
 }
 
 impl CompositionStream {
-    /// Returns this description with the picture of `signal`: albedo or lit.
+    /// Returns this description, changed so that it describes the picture of `signal`: albedo or lit.
     #[must_use]
     pub fn of(self, signal: Signal) -> CompositionStream {
         CompositionStream { lit: u32::from(signal == Signal::Lit), ..self }

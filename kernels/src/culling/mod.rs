@@ -4,8 +4,8 @@
 //! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
 //!
 //! Limits: culling tests only the frustum. `shared::culling` also has functions that test normal cones and occlusion. They are intended for culling
-//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid. A pyramid must
-//! have the level sizes of [`crate::shared::culling::level_size`], or visible patches are culled.
+//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid. If a depth
+//! pyramid is added, its levels must have the sizes of [`crate::shared::culling::level_size`]. Otherwise, visible patches are culled.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;

@@ -30,7 +30,7 @@ impl Chromaticities {
     /// The chromaticities of Rec. ITU-R BT.709, which are also those of sRGB (IEC 61966-2-1).
     pub const REC_709: Chromaticities = Chromaticities { red: [0.64, 0.33], green: [0.3, 0.6], blue: [0.15, 0.06], white: [0.3127, 0.329] };
 
-    /// Whether these are the chromaticities of Rec. 709, as files round them.
+    /// Whether these are the chromaticities of Rec. 709, apart from rounding.
     pub fn is_rec_709(&self) -> bool {
         let all = |c: &Chromaticities| [c.red, c.green, c.blue, c.white];
         let mut pairs = all(self).into_iter().flatten().zip(all(&Chromaticities::REC_709).into_iter().flatten());
@@ -39,7 +39,7 @@ impl Chromaticities {
 
     /// The matrix that converts linear colours of these primaries to linear colours of Rec. 709 (SMPTE RP 177-1993). If the whites differ,
     /// they are adapted by Bradford's transform, so R = G = B stays R = G = B. `None` if the chromaticities form no colour space: the
-    /// primaries lie on one line, white has no luminance, or a number is NaN.
+    /// primaries lie on one line, y of the white point is not above 0, or a number is NaN.
     pub fn to_rec_709(self) -> Option<DMat3> {
         if self.white[1] <= 0.0 {
             return None;

@@ -63,8 +63,8 @@ pub fn undecodable(error: ImageError) -> Fault {
     undecodable_with(error, "save it as 8- or 16-bit PNG", "resize it")
 }
 
-/// The same as [`undecodable`], but with other remedies. `unsupported` is the remedy for a feature that is not supported, `too_large` that
-/// for a file that is too large.
+/// The same as [`undecodable`], but with other remedies. `unsupported`: the remedy for a feature that is not supported. `too_large`: the
+/// remedy for a file that is too large.
 pub fn undecodable_with(error: ImageError, unsupported: &str, too_large: &str) -> Fault {
     match error {
         ImageError::IoError(source) => Fault::of_io(source),
@@ -92,7 +92,7 @@ mod tests {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }
         }
-        // The rows of this PNG have 120 MB. The limit is applied where the pixels begin, so that the file needs a chunk of pixels.
+        // The only row of this PNG has 120 MB. The decoder applies its limit where the pixels begin, so the file needs a chunk of pixels.
         let mut wide = Vec::new();
         let mut encoder = png::Encoder::new(&mut wide, 30_000_000, 1);
         encoder.set_color(png::ColorType::Rgba);

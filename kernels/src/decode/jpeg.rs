@@ -5,7 +5,7 @@ use super::fault::Fault;
 
 /// Checks that a JPEG file contains its picture up to the end.
 ///
-/// The file is followed from marker to marker (ITU-T T.81, B.1.1). A search for the last marker of the picture, EOI (end of image,
+/// The function goes from marker to marker (ITU-T T.81, B.1.1). A search for the last marker of the picture, EOI (end of image,
 /// B.1.1.3), is not enough: segments for applications (B.2.4.6) often contain a small JPEG file as a preview, which has an EOI, too. Bytes
 /// after the end of the picture are ignored.
 ///

@@ -127,8 +127,8 @@ impl<'a> Channels<'a> {
         self.only(|channel| channel.base_name() == name).or_else(|| self.only(|channel| channel.base_name().eq_ignore_ascii_case(name)))
     }
 
-    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name, in any case, takes precedence
-    /// over base names: "Y" is the channel "Y", even if there is a channel "mask.Y".
+    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name takes precedence over base names,
+    /// even if it differs from `name` in upper and lower case: "y" is the channel "Y", even if there is a channel "mask.y".
     pub fn named(&self, name: &str) -> Option<&'a Channel> {
         self.only(|channel| channel.name == name)
             .or_else(|| self.only(|channel| channel.name.eq_ignore_ascii_case(name)))

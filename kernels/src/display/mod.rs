@@ -1,6 +1,6 @@
 //! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). The metrics of the lit
+//! Exposure in stops multiplies radiance by 2^stops; a [`ToneCurve`] maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). The metrics of the lit
 //! picture use the same function (`encode.wgsl`), without the rounding to 8 bits.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.

@@ -28,7 +28,7 @@ pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Resu
 }
 
 /// Writes the displayed picture as PNG. A picture that was not tone-mapped on the device (for example, one that was averaged on the CPU) is
-/// tone-mapped with `exposure` by the reference.
+/// tone-mapped with `exposure` on the CPU ([`crate::display::reference`]).
 ///
 /// # Errors
 /// When the file cannot be written.

@@ -206,7 +206,8 @@ impl<'a> Renderer<'a> {
     /// Draws one picture and reads it back.
     ///
     /// # Errors
-    /// When the size is out of range, the view needs more nodes than fit in the atlases, or the device fails.
+    /// When [`RenderRequest::check`] refuses the request, it forces the flavour `vt` in a scene without a virtual texture, the view needs more nodes
+    /// than fit in the atlases, a pipeline cannot be built, or the device fails.
     pub fn render(&mut self, request: &RenderRequest) -> Result<Picture> {
         self.draw(request)?.read()
     }
@@ -393,7 +394,7 @@ impl<'a> Renderer<'a> {
         &self.stages.composition
     }
 
-    /// Returns an error if `choice` forces the virtual texture and the scene has no virtual texture.
+    /// Returns an error if `choice` forces the flavour `vt` and the scene has no virtual texture.
     fn check_variant(&self, choice: VariantChoice) -> Result<()> {
         let (VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) = choice else { return Ok(()) };
         if variant.has(Flavour::VirtualTexture) && !self.demands.has(Flavour::VirtualTexture) {

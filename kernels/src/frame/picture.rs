@@ -168,7 +168,7 @@ impl Picture {
         Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })
     }
 
-    /// Returns the displayed picture. If the device did not tone-map it, the reference tone-maps `hdr` with `exposure`.
+    /// Returns the displayed picture. If the device did not tone-map it, [`crate::display::reference`] tone-maps `hdr` with `exposure`.
     pub fn displayed(&self, exposure: Exposure) -> Vec<[u8; 3]> {
         match &self.displayed {
             Some(codes) => codes.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),

@@ -51,7 +51,7 @@ pub struct AdapterReport {
     pub device_type: String,
     /// Driver name and version.
     pub driver: String,
-    /// `Ok` if the terrain stack runs on the adapter; otherwise a text that names the missing features.
+    /// `Ok` if the adapter has all required features; otherwise a text that names the missing ones.
     pub usable: std::result::Result<(), String>,
     /// The required and optional features, and whether the adapter has them.
     pub features: Vec<(String, bool)>,
@@ -101,7 +101,7 @@ fn report(adapter: &wgpu::Adapter) -> AdapterReport {
     }
 }
 
-/// All adapters of this machine, in the order in which the system lists them.
+/// All adapters of this machine with a driver for Vulkan, Metal or Direct3D 12, in the order in which the system lists them.
 pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }

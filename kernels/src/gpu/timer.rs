@@ -50,7 +50,7 @@ impl Timer {
         Some((index * 2, index * 2 + 1))
     }
 
-    /// Timestamp writes for a render pass.
+    /// Timestamp writes for a render pass; `None` if the device has no timestamps, or the timer is full.
     pub fn render(&mut self, name: &str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         let (begin, end) = self.next(name)?;
         Some(wgpu::RenderPassTimestampWrites {
@@ -60,7 +60,7 @@ impl Timer {
         })
     }
 
-    /// Timestamp writes for a compute pass.
+    /// Timestamp writes for a compute pass; `None` as for [`Timer::render`].
     pub fn compute(&mut self, name: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let (begin, end) = self.next(name)?;
         Some(wgpu::ComputePassTimestampWrites {

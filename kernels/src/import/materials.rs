@@ -32,7 +32,7 @@ const MOST_LINES: usize = 50;
 const LONGEST_NAME: usize = 80;
 /// Largest size of one repeat of a texture, metres. Scene files have the same limit.
 const MAX_TILE_M: f64 = 1.0e5;
-/// Edge of the maps that are read for a survey, texels. A survey checks only means and slopes, so small maps are enough.
+/// Edge to which a survey resamples all maps, texels. A survey only compares normals with the slopes of heights, so small maps are enough.
 const SURVEY_SIZE: u32 = 128;
 /// Normals and slopes agree if their correlation is above this number, and contradict each other if it is below minus this number. Scanned
 /// materials have correlations of 0.1 to 0.9.
@@ -121,7 +121,7 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// materials, which the names of the files tell apart. Links are followed, but no folder is read twice.
 ///
 /// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
-/// are listed as unused, except texts, which are kept with the materials.
+/// are listed as unused, except text files, which are copied with the images ([`chosen`]).
 ///
 /// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///

@@ -14,13 +14,13 @@ use crate::scene::{self, Hole, Material, Rule, Scene};
 use crate::world::rules::Rules;
 use crate::world::{Layout, World};
 
-/// Largest number of samples without data that become holes. Each sample becomes a circle, and each vertex near the holes is tested
-/// against all circles.
+/// Largest number of samples without data that can become holes; [`examine`] refuses a heightmap with more. Each such sample becomes a circle, and
+/// each vertex near the holes is tested against all circles.
 const MAX_HOLES: usize = 512;
 
 /// Radius of the hole at a sample without data, as a multiple of the distance between samples. The radius is above half the diagonal of
 /// a square of samples (0.707), so there is no ground between neighbouring holes, and below 1, so the neighbouring samples with data
-/// stay on the ground.
+/// lie outside the hole.
 const HOLE_RADIUS: f64 = 0.75;
 
 /// Largest number of characters in the name of a scene. Scene files have the same limit.
@@ -55,7 +55,7 @@ pub struct Understood {
 
 /// Reads the heightmap and the materials of an import. Nothing is written.
 ///
-/// `stopped`: called several times; returns whether the user wants to stop.
+/// `stopped`: called between the steps of the work; returns whether the user wants to stop.
 ///
 /// # Errors
 /// The errors of [`read`]; [`Error::Heightmap`] if there are too many samples without data for holes; [`Error::Request`] if `detail_m` is
@@ -89,8 +89,8 @@ pub fn examine(source: &Path, options: &ImportOptions, stopped: &dyn Fn() -> boo
     })
 }
 
-/// Name of the scene: the name of the heightmap file without its extension, on one line and cut to the largest length; `imported`
-/// if nothing is left.
+/// Name of the scene: the name of the heightmap file without its extension, on one line and cut to [`LONGEST_NAME`] characters;
+/// `imported` if nothing is left.
 fn name_of(source: &Path) -> String {
     let stem = source.file_stem().map(|stem| one_line(&stem.to_string_lossy())).unwrap_or_default();
     if stem.is_empty() { "imported".to_owned() } else { stem.chars().take(LONGEST_NAME).collect() }
@@ -151,7 +151,7 @@ impl Understood {
     /// (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder
     /// `materials/` with the images that are used. The folder is made either completely or not at all. Returns the scene as written.
     ///
-    /// `stopped`: called several times; returns whether the user wants to stop. If so, no folder is left behind.
+    /// `stopped`: called between the steps of the work; returns whether the user wants to stop. If so, no folder is left behind.
     ///
     /// # Errors
     /// [`Error::Request`] if `out_dir` exists and is not an empty folder, or if the user stopped; the errors of [`materials::chosen`];
@@ -206,8 +206,8 @@ impl Understood {
         };
         let bare = World::from_heightmap(map.clone(), *detail_m, 1, holes.clone(), 0.0, Rules::new(&scene), scene.materials.len());
         let steepest = bare.max_slope_deg();
-        // The slope at which cliffs begin depends on the steepest slope of the map: 45 degrees for steep terrain, a smaller slope for gentle terrain,
-        // and 90 degrees, which means no cliffs, for a plain.
+        // The slope at which cliffs begin depends on the steepest slope of the terrain: 45 degrees if the steepest slope is 55 degrees or more,
+        // 0.8 times the steepest slope if that is 25 to 55 degrees, and 90 degrees, which means no cliffs, for gentler terrain.
         scene.flavours.cliff_slope_deg = match steepest {
             s if s >= 55.0 => 45.0,
             s if s >= 25.0 => (0.8 * s).round(),

@@ -1,14 +1,14 @@
 //! Finds four viewpoints in a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
 //! Candidates come from a coarse grid. Each candidate is scored with a grid of rays or with samples of the ground in front of the camera.
-//! For each viewpoint, the candidate with the highest score is kept. Nothing is random: a world always gets the same viewpoints.
+//! For each viewpoint, the candidate with the highest score is chosen. Nothing is random: a world always gets the same viewpoints.
 
 use rayon::prelude::*;
 
 use crate::scene::{CameraPose, Scene};
 use crate::world::World;
 
-/// Vertical field of view that the scores assume, degrees. The image is assumed to be 16:9.
+/// Vertical field of view of the cameras, degrees. The scores assume that the picture is 16:9.
 const FOV_DEG: f64 = 55.0;
 /// Height of the cameras `cliff` and `ground` above the ground, metres.
 const EYE_M: f64 = 2.0;
@@ -41,8 +41,9 @@ struct Hit {
 /// Names of the cameras that [`find`] returns.
 pub const NAMES: [&str; 4] = ["cliff", "ground", "vista", "grazing"];
 
-/// Finds the four cameras: `cliff` (rock faces at distances from 5 to 300 m), `ground` (2 m above a border of contrasting materials),
-/// `vista` (the farthest view) and `grazing` (along a slope that is seen almost edge-on). Positions have absolute elevations.
+/// Finds the four cameras: `cliff` (steep faces at distances from 4 to 320 m), `ground` (2 m above a border between vegetation and bare rock or
+/// rubble), `vista` (a far view roughly towards the centre of the world) and `grazing` (along a slope that is seen almost edge-on). Positions have
+/// absolute elevations.
 pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     let places = survey(world);
     let steep_deg = scene.flavours.cliff_slope_deg.min(world.max_slope_deg() * 0.85);
@@ -58,7 +59,8 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     NAMES.into_iter().zip(poses).map(camera).collect()
 }
 
-/// Returns the class of a material: 0 = vegetation, 1 = bare rock and rubble, 2 = soil, 3 = snow. Materials of different classes contrast.
+/// Returns the class of a material: 0 = vegetation, 1 = bare rock and rubble, 2 = soil and every unknown name, 3 = snow and ice. The camera
+/// `ground` is placed at a border between the classes 0 and 1.
 fn kind_of(name: &str) -> u8 {
     let name = name.to_lowercase();
     let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
@@ -94,11 +96,11 @@ fn place_at(world: &World, x: f64, y: f64) -> Place {
 }
 
 fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
-    // The drawn surface may lie above the exact height of the world between two vertices, so the camera is placed above both.
+    // Between vertices, the drawn surface may lie above or below the exact height of the world. The camera is placed above the higher of the two.
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
-/// Returns the point where a ray meets the ground; `None` if there is no such point within `reach` metres.
+/// Returns where a ray first meets the ground; `None` if it meets no ground within `reach` metres, or if it meets a hole or leaves the data first.
 fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option<Hit> {
     let at = |t: f64| [0, 1, 2].map(|k| eye[k] + direction[k] * t);
     let above = |t: f64| {
@@ -135,7 +137,7 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
     None
 }
 
-/// Casts a grid of rays through a 16:9 image, and returns where they hit the ground.
+/// Casts a grid of rays through a 16:9 image, and returns where they hit the ground, row by row from the bottom; `None` as in [`cast`].
 fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Option<Hit>> {
     let tangent = (FOV_DEG.to_radians() / 2.0).tan();
     let (sin_yaw, cos_yaw) = pose.yaw.sin_cos();
@@ -154,7 +156,7 @@ fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Op
     hits
 }
 
-/// Returns the pose with the highest score; the first one if several scores are equal.
+/// Returns the pose with the highest score, and the first of these poses if several have that score; `None` if there are no poses.
 fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     let scores: Vec<f64> = poses.par_iter().map(&score).collect();
     let mut best: Option<(f64, Pose)> = None;
@@ -166,7 +168,7 @@ fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     best.map(|(_, pose)| pose)
 }
 
-/// The pose for a world that has no suitable viewpoint.
+/// The pose of a camera for which the world has no candidate: at the centre of the world, looking north.
 fn fallback(world: &World) -> Pose {
     Pose { eye: eye_at(world, 0.0, 0.0, EYE_M), yaw: 0.0, pitch: -0.05 }
 }
@@ -211,7 +213,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         for hit in hits.iter().flatten().filter(|h| h.slope_deg > steep_deg && h.distance >= 4.0) {
             bins[((hit.distance / 5.0).log2().max(0.0) as usize).min(5)] += 1.0;
         }
-        // A wall right in front of the camera lowers the score, because it hides everything else.
+        // Surfaces nearer than 8 m lower the score if they fill more than 15 % of the picture, because they hide everything else.
         let pressed = hits.iter().flatten().filter(|h| h.distance < 8.0).count() as f64 / hits.len() as f64;
         let full = hits.len() as f64 / 9.0;
         bins.iter().map(|b| (b / full).min(1.0).sqrt()).sum::<f64>() - 2.0 * (sky - 0.35).max(0.0) - 4.0 * (pressed - 0.15).max(0.0)
@@ -238,7 +240,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Share of each class of material in a fan of points on the ground in front of the camera. Near ground has more points.
+        // Share of each class of material in a fan of points on the ground in front of the camera. The points lie closer together on near ground.
         let mut share = [0.0f64; 4];
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {
@@ -297,8 +299,8 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
     for place in thin(slopes, 110) {
         let slope = place.gradient[0].hypot(place.gradient[1]);
         let downhill = (-place.gradient[0]).atan2(-place.gradient[1]);
-        // The first direction is down the fall line, where the view is parallel to the ground. The other two are 1.2 radians to either side of it,
-        // where the view is closer to level.
+        // The first view is straight down the slope, nearly parallel to the ground. The other two are turned by 1.2 radians to either side, and their
+        // pitch is closer to horizontal.
         for (yaw, pitch) in
             [(downhill, -slope.atan() - 0.02), (downhill + 1.2, -0.05 - 0.35 * slope.atan()), (downhill - 1.2, -0.05 - 0.35 * slope.atan())]
         {

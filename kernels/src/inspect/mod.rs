@@ -25,7 +25,7 @@ pub struct Inspected {
     pub slot: u32,
     /// Change of the position from this pixel to the next pixel on the right, metres.
     pub ddx: [f32; 3],
-    /// Coordinates of the south-western of the four splat texels around the pixel: x | y << 16.
+    /// Column x and row y, in the splat map of the node, of the south-western of the four splat texels around the pixel: x | y << 16.
     pub corner: u32,
     /// Change of the position from this pixel to the next pixel below, metres.
     pub ddy: [f32; 3],

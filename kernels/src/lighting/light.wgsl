@@ -1,4 +1,4 @@
-// Radiance of a point of the ground under one sun (GGX + Lambert) and a sky that is linear in the sine of the elevation.
+// Radiance of a point of the ground under one sun (GGX + Lambert) and a sky whose radiance is linear in the sine of the elevation angle.
 
 // The host passes the constant LIGHTING_F0: the reflectance of the ground at normal incidence.
 

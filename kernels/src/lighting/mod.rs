@@ -1,11 +1,12 @@
 //! Lighting: computes linear HDR radiance from the G-buffer, the sun and the sky.
 //!
 //! The sun is one directional light. The ground reflects it by a Lambertian diffuse term and a GGX specular term with height-correlated Smith
-//! visibility. The radiance of the sky is linear in the sine of the elevation, so its irradiance has an exact formula (first-order spherical
-//! harmonics). The specular reflection of the sky uses an analytic fit of the split-sum table (`shared::brdf`).
+//! visibility. The radiance of the sky is linear in the sine of the elevation angle, so the irradiance of the sky has an exact formula (first-order
+//! spherical harmonics). The specular reflection of the sky uses an analytic fit of the split-sum table (`shared::brdf`).
 //! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
 //!
-//! Limits: one sun without shadows, and a sky that is linear in the sine of the elevation. There is no occlusion of the sky and no indirect light.
+//! Limits: one sun without shadows, and a sky that is linear in the sine of the elevation angle. The terrain does not occlude the sky, and there is
+//! no indirect light.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};

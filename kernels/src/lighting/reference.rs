@@ -33,7 +33,7 @@ pub struct Surface<T> {
     pub occlusion: T,
 }
 
-/// Radiance of the sky from a direction (unit vector). It is linear in the sine of the elevation, and never below 0.
+/// Radiance of the sky from a direction (unit vector). It is linear in the sine of the elevation angle, and never below 0.
 pub fn sky_radiance<T: Real>(light: &Light<T>, direction: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| (light.horizon[k] + (light.zenith[k] - light.horizon[k]) * direction[2]).max(T::zero()))
 }

@@ -8,7 +8,7 @@
 //!
 //! n is the normal. Alpha and green are the two most precise channels of BC3, so they hold n.x and n.y. The normal map of a quadtree node is
 //! packed in the same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse
-//! level holds the mean of several normals. This mean is shorter than 1 if the normals differ.
+//! level holds x and y of the mean of several normals. This mean is shorter than 1 if the normals differ.
 
 use rayon::prelude::*;
 

@@ -23,8 +23,8 @@ pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 /// Largest number of materials: an 8-bit splat texel can refer to this many palette entries.
 pub const MAX_MATERIALS: usize = 256;
 
-/// The number of repeats of a texture along a sector must be smaller than this. The fixed-point format of [`PaletteEntry::per_sector_fixed`] does not
-/// require this limit: the format has 24 fractional bits and counts whole repeats modulo 256.
+/// The number of repeats of a texture along a sector must be smaller than this. With sectors of 64 m, this excludes repeats of less than about 1 mm.
+/// The limit does not come from the fixed-point format of [`PaletteEntry::per_sector_fixed`], which counts whole repeats modulo 256.
 pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask has an effect.
@@ -44,7 +44,7 @@ pub struct MaterialMaps {
     pub size: u32,
     /// Diffuse albedo, linear RGB, 0..1.
     pub albedo: Vec<[f32; 3]>,
-    /// x and y of the unit tangent-space normal; x towards +u, y towards +v (the OpenGL convention), z = sqrt(1 - x² - y²) > 0.
+    /// x and y of the unit tangent-space normal; x towards +u, y towards +v (the OpenGL convention), z = sqrt(1 - x² - y²) >= 0.
     pub normal: Vec<[f32; 2]>,
     /// 1 - perceptual roughness, 0..1.
     pub smoothness: Vec<f32>,

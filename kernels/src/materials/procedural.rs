@@ -5,8 +5,8 @@
 //! *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is
 //! computed from the second nearest point); hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
-//! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every size. Noise that is too fine for
-//! the size is left out.
+//! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every resolution. Octaves of noise that are too
+//! fine for the resolution are left out.
 
 use std::f32::consts::{PI, TAU};
 
@@ -489,7 +489,7 @@ impl Canvas {
     }
 }
 
-/// An angular stone: the upper side of a convex polyhedron, which is the minimum of several planes.
+/// A stone: the upper side of a convex polyhedron. Its height is the minimum of the heights of the planes and, if the stone is rounded, of a dome.
 struct Stone {
     /// Coefficients a, b, c of each plane: height = a x + b y + c.
     planes: [[f32; 3]; 9],
@@ -517,7 +517,7 @@ impl Stone {
         let start = dice.unit() * TAU;
         let planes = std::array::from_fn(|k| {
             if k < 2 {
-                // Two nearly level faces on top, which meet in a ridge.
+                // Two nearly horizontal faces on top, which meet in a ridge.
                 let (s, c) = dice.between(0.0, TAU).sin_cos();
                 let tilt = dice.between(0.05, 0.45);
                 [c * tilt, s * tilt, top - sunk]
@@ -547,7 +547,7 @@ impl Stone {
         }
     }
 
-    /// Height relative to the ground plane, negative below it, and the index of the face.
+    /// Height relative to the ground plane, negative below it, and the index of the face; 99 = the dome.
     fn height(&self, d: [f32; 2]) -> (f32, usize) {
         let mut lowest = (f32::INFINITY, 0);
         for (k, p) in self.planes.iter().enumerate() {
@@ -588,7 +588,7 @@ struct Strip {
 
 #[derive(Clone, Copy, PartialEq)]
 enum StripKind {
-    /// Widest at the root, pointed, with a folded midrib.
+    /// Widest at a quarter of its length, pointed, with a V-shaped cross-section.
     Blade,
     /// Widest in the middle, pointed at both ends, edges curled up.
     Leaf,
@@ -652,7 +652,7 @@ fn warp(bench: &Bench, waves: u32, salt: u32) -> [Field; 2] {
     [bench.fbm(waves, 4, salt), bench.fbm(waves, 4, salt + 1)]
 }
 
-/// Facets: each cell is a tilted plane with a random offset in -1..1. `tilt` is the slope, per cell.
+/// Facets: each cell is a tilted plane with a random offset in -1..1. `tilt` is the slope of the plane: change of height per width of a cell.
 fn facet(cells: &Cells, i: usize, tilt: f32) -> f32 {
     let id = cells.id[i];
     let (sin, cos) = (unit(id.wrapping_mul(0x9e37_79b1)) * TAU).sin_cos();

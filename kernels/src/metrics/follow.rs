@@ -106,8 +106,7 @@ pub struct Summary {
     /// Mean absolute change, from frame to frame, of the difference in luminance from the comparison picture; `None` without a comparison.
     pub residual: Option<f64>,
     /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance;
-    /// 1 for white noise.
-    /// `None` if there is no noise, or no block whose pixels are all terrain.
+    /// 1 for white noise. `None` if there is no noise, or no block whose pixels are all terrain.
     pub clumping: Option<f64>,
 }
 

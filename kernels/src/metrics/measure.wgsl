@@ -1,6 +1,6 @@
 // A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames,
-// and writes sums per tile. Only the sums are read back, never a picture. One invocation handles a tile of 8 x 8 pixels, so no barrier is needed, and
-// the order of the additions is fixed.
+// and writes sums per tile and histograms. Only these are read back, never a picture. One invocation handles a tile of 8 x 8 pixels, so no barrier
+// is needed, and the order of the additions is fixed.
 
 struct MeasureFrame {
     size: vec2<u32>,
@@ -36,7 +36,7 @@ struct MeasureTile {
     // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects a history outside the box of the current
     // colours of the 3 x 3 pixels around the pixel. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
     rejections: u32,
-    // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
+    // Number of terrain pixels in the quarter. At lags 2 to 4, the share of disoccluded pixels is a share of this number.
     quarter_terrain: u32,
     // Number of pixels of terrain whose colour is not finite. They are in no other sum.
     invalid: u32,
@@ -70,7 +70,7 @@ fn measure_bin(difference: f32) -> u32 {
     return u32(clamp(floor(octave * MEASURE_BINS_PER_OCTAVE), 0.0, MEASURE_BINS - 1.0));
 }
 
-// Returns whether a colour lies outside the box of the 3 x 3 pixels around `pixel`. Only the terrain pixels among them form the box.
+// Returns whether a colour lies outside the box of the colours of the 3 x 3 pixels around `pixel`. Pixels without terrain do not count.
 fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     var low = vec3<f32>(1e30);
     var high = vec3<f32>(-1e30);

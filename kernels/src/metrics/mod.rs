@@ -3,8 +3,8 @@
 //! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
 //! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed
 //! the same surface point one frame earlier. It also links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then
-//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow
-//! with the number of frames.
+//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums per tile and histograms are read back.
+//! Memory does not grow with the number of frames.
 //!
 //! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
 //! It then also keeps the remembered error of each surface point: an exponential mean over time, which models the eye ([`Meter::memory`],
@@ -150,7 +150,7 @@ impl Residual {
         self.per_pixel(self.square).map(f64::sqrt)
     }
 
-    /// The share of the reference's changes that the stream has: the g that minimises the squares of dY - g dR. It is 1 if the reference does not
+    /// The share of the reference's changes that the stream has: the g that minimises the sum of (dY - g dR)². It is 1 if the reference does not
     /// change, because then the stream can lose nothing.
     pub fn gain(&self) -> f64 {
         if self.reference_square > 0.0 { self.product / self.reference_square } else { 1.0 }
@@ -163,8 +163,8 @@ impl Residual {
         self.per_pixel((self.change_square - explained).max(0.0)).map(f64::sqrt)
     }
 
-    /// Change that the reference has and the stream has not, such as blur: (1 - g) times the root mean square of dR. Below 0 if the stream
-    /// exaggerates the changes of the reference. `None` without compared pixels.
+    /// Change that the reference has and the stream has not, such as that of detail that is blurred away: (1 - g) times the root mean square of dR,
+    /// with g = [`Residual::gain`]. Below 0 if the stream exaggerates the changes of the reference. `None` without compared pixels.
     pub fn lost(&self) -> Option<f64> {
         self.per_pixel(self.reference_square).map(|square| (1.0 - self.gain()) * square.sqrt())
     }
@@ -186,7 +186,7 @@ pub struct FrameSums {
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
     /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier. The test rejects a
-    /// history outside the box of the current colours of the 3 x 3 pixels around the pixel. Tested are the pixels of one quarter that are linked at
+    /// history outside the box of the current colours of the 3 x 3 pixels around the pixel. It covers the pixels of one quarter that are linked at
     /// lag 1. Each frame uses a different quarter.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
@@ -503,7 +503,7 @@ impl Meter {
     }
 
     /// Writes the picture of the reference sequence for this frame and a signal. Without this call, the frame has no residuals for the signal, and
-    /// neither has the next frame.
+    /// later frames have residuals only at lags that lead to frames after this one.
     pub fn write_reference(&mut self, gpu: &Gpu, signal: Signal, picture: &[[u32; 2]]) {
         gpu.queue.write_buffer(&self.references[signal as usize], u64::from(self.slots().now) * 8, cast_slice(picture));
         self.written[signal as usize] = true;
@@ -522,7 +522,7 @@ impl Meter {
 
     /// Returns the remembered errors of a stream after the last measured frame, row by row from the top. The remembered error of a pixel is the
     /// exponential mean, over time, of the error of its surface point ([`perceived`]). Each entry is this mean and the number of frames in it; 0
-    /// frames = there is no terrain or no reference. Empty if the meter measures no errors.
+    /// frames = the pixel has no terrain in the stream or in the reference. Empty if the meter has no [`Viewing`], so that it measures no errors.
     ///
     /// # Errors
     /// When the device is lost.
@@ -537,8 +537,8 @@ impl Meter {
         Ok(words.into_iter().map(|words| words.map(f32::from_bits)).collect())
     }
 
-    /// Returns a measured picture of a stream, as signals. `back`: the number of frames, 0 to 4, by which the picture precedes the last measured
-    /// frame.
+    /// Returns a measured picture of a stream, two words per pixel (`shared::signal`). `back`: the number of frames, 0 to 4, by which the picture
+    /// precedes the last measured frame.
     ///
     /// # Errors
     /// When the device is lost.
@@ -569,7 +569,7 @@ impl Meter {
     }
 }
 
-/// Reads `pixels` signals from a buffer, starting at pixel `offset`.
+/// Reads `pixels` pixels, two words each (`shared::signal`), from a buffer, starting at pixel `offset`.
 ///
 /// # Errors
 /// When the device is lost.

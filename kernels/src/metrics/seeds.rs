@@ -11,7 +11,7 @@ use crate::shared;
 
 /// Edge of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
-/// Edge of the areas for which sums of single seeds are kept, pixels. The device computes sums per tile; an area consists of 2 x 2 tiles.
+/// Edge of the areas over which the differences of each seed are summed, pixels. The device computes sums per tile; an area consists of 2 x 2 tiles.
 pub const AREA: u32 = 2 * classification::TILE;
 
 /// The uniforms of the passes; the layout matches `SeedFrame` in `seeds.wgsl`.

@@ -23,8 +23,8 @@ pub struct Link {
     pub pixel: Option<usize>,
     /// The exact position, pixels; `None` = the point was not seen.
     pub position: Option<[f64; 2]>,
-    /// Whether the rounding of f32 may change `pixel`. This is so in two cases: the position is close to a border between two pixels, or the relative
-    /// difference between the expected and the found depth is close to [`TOLERANCE`].
+    /// Whether the rounding of f32 may change `pixel`. This is so in three cases: the position is close to a border between two pixels, the relative
+    /// difference between the expected and the found depth is close to [`TOLERANCE`], or the expected depth is not above 0 but the found depth is.
     pub is_uncertain: bool,
 }
 

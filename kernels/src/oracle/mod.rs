@@ -100,7 +100,7 @@ pub struct Derivative {
 }
 
 impl Derivative {
-    /// Length of the difference between the two steps, divided by the length of the exact step.
+    /// Length of the difference between the two steps, divided by the length of the exact step; `None` without an exact step.
     pub fn error(&self) -> Option<f64> {
         let exact = DVec3::from_array(self.exact?);
         let share = (DVec3::from_array(self.shader) - exact).length() / exact.length();
@@ -108,7 +108,7 @@ impl Derivative {
     }
 
     /// Error of the mip level that follows from the shader's step: log2 of the ratio of the length of this step to the length of the
-    /// exact step. If the error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine.
+    /// exact step. If the error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine. `None` without an exact step.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();
@@ -150,7 +150,7 @@ pub struct Draw {
 pub struct Page {
     /// The page that the pixel requests.
     pub id: PageId,
-    /// Position in the page, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
+    /// Position in the page, texels of the page's level from its south-west corner, at least 0 and below [`PAGE_TEXELS`].
     pub texel: [f64; 2],
     /// Horizontal lengths of the steps to the two neighbouring pixels, the shorter length first, in texels of level 0. They include the mip bias.
     pub footprint: [f64; 2],
@@ -171,7 +171,7 @@ impl Pixel {
         self.choice == self.draw.map_or(0, |draw| draw.expected)
     }
 
-    /// Angle between the stored and the true normal of the triangle, radians.
+    /// Angle between the stored and the true normal of the triangle, radians; `None` if the triangle is not known.
     pub fn normal_error(&self) -> Option<f64> {
         let (stored, exact) = (DVec3::from_array(self.triangle_normal), DVec3::from_array(self.triangle?.normal));
         // The angle is computed from the distance of the two unit vectors, because the arc cosine is inaccurate for small angles.

@@ -81,7 +81,7 @@ fn frustum_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if beyond { T::one() } else { T::zero() });
 }
 
-/// Visible boxes must not be culled. A box that lies beyond the plane by at most twice the margin of [`culling::beyond`] may be kept or culled. The
+/// Visible boxes must not be culled. A box that lies beyond the plane by at most twice the margin of [`culling::beyond`] may be drawn or culled. The
 /// factor 2 covers the rounding of the margin itself.
 fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (distance, size) = frustum_distance(row);
@@ -192,7 +192,7 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if away { T::one() } else { T::zero() });
 }
 
-/// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be kept or culled. The margin
+/// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be drawn or culled. The margin
 /// is a difference between cosines. At an angle whose sine is small, the same difference between cosines corresponds to a larger difference between
 /// angles.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
@@ -216,7 +216,7 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "The pixels that a box covers, the level of the depth pyramid that is tested, its size, and whether the box is hidden; no visible box is culled",
+    about: "The pixels that a box covers, the tested level of the depth pyramid, the size of this level, and whether the box is hidden; no visible box is culled",
     inputs: &[
         real("x_x", "matrix row from box coordinates to clip-space x: coefficient of x"),
         real("x_y", "coefficient of y"),
@@ -430,7 +430,7 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Largest number of pixels by which the result's columns or rows extend beyond the columns or rows that the box spans, of all four sides.
+/// Number of columns or rows by which the result extends beyond those that the box spans, on the side where this number is largest; at least 0.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);

@@ -1,4 +1,4 @@
-//! Directions, planes and projections.
+//! Probes of directions, planes and projections.
 
 use super::judge::{
     Draw, EPS, UNIT_TOLERANCE, Verdict, angle_deg, both, close, farthest, from_axis, from_seam, keyed, relative, set_direction,
@@ -85,7 +85,7 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         real("exact_z", "unit vector"),
     ],
     blocks: None,
-    // `step` is as octahedral_encode_precise requires: `half` times `step` is exactly 1 for every number of bits.
+    // octahedral_encode_precise requires that `half` times `step` is exactly 1. If the division is correctly rounded, this holds for 2 to 16 bits.
     wgsl: "\
 fn probe(row: array<f32, 4>) -> array<f32, 10> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -500,11 +500,11 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         // is at most twice as large; the tolerance allows 8 ULP for it.
         both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
     };
-    // Near the middle between two codes, both codes are accepted. Below the equator, near a fold, a code may jump to a different code of the same
-    // direction; both codes are accepted there, too.
+    // Near the middle between two codes, both codes are accepted. Below the equator, where x or y changes sign, a code may jump to a different code
+    // of the same direction; both codes are accepted there, too.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
-    // At a fold, two codes that mirror each other represent the same direction.
+    // Below the equator, where x or y changes sign, two codes that mirror each other represent the same direction.
     let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
     let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
     let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);

@@ -1,4 +1,4 @@
-//! Computations over frames: moments of a stream, and reprojection of a point.
+//! Probes of computations over frames: moments of a stream, and reprojection of a point.
 
 use super::judge::{EPS, Verdict, both, close, farthest, three};
 use super::{EXACT, Measure, Parameter, Probe, real, take, whole};

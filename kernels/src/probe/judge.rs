@@ -145,8 +145,8 @@ pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     v
 }
 
-/// A random unit vector whose z is at most 0. The angle between it and the plane x = 0 is `degrees`. In the lower half of the octahedron,
-/// the octahedral map has a fold at this plane.
+/// A random unit vector whose z is at most 0. The angle between it and the plane x = 0 is `degrees`. Where z is below 0, the octahedral map is
+/// discontinuous at this plane.
 pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::PI).sin_cos();

@@ -1,4 +1,4 @@
-//! Reflection of light.
+//! Probe of the reflection of light.
 
 use super::judge::{FEW, Verdict, close};
 use super::{Measure, Probe, real};

@@ -237,7 +237,7 @@ impl Probe {
         self.inputs.iter().map(|column| column.name).chain(self.parameters.iter().map(|parameter| parameter.name))
     }
 
-    /// Unit of a parameter or column.
+    /// Unit of a parameter or column; `None` if the name is unknown.
     pub fn parameter_unit(&self, name: &str) -> Option<&'static str> {
         let columns = self.inputs.iter().map(|column| (column.name, column.unit));
         columns

@@ -190,7 +190,7 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         let finest = finest[0].min(finest[2]);
         (vec![(noise_level(row[13] * length(ddx).max(length(ddy)), finest), finest)], 8.0)
     } else {
-        // No width is smaller than 1/16 of the largest width. Dividing by 16 is exact.
+        // The tested function raises every width to at least 1/16 of the largest width. Dividing by 16 is exact.
         let widths = [0, 1, 2].map(|i: usize| (std::f64::consts::SQRT_2 * row[13] * ddx[i].abs().max(ddy[i].abs())).clamp(0.0, 1e6));
         let least = widths.into_iter().fold(0.0, f64::max) / 16.0;
         ((0..3).map(|i| (noise_level(widths[i].max(least), finest[i]), finest[i])).collect(), 3.0)

@@ -1,4 +1,4 @@
-//! Texture coordinates and tilings.
+//! Probes of texture coordinates and tilings.
 
 use super::judge::{EPS, Verdict, both, close, farthest, keyed, level_error};
 use super::{EXACT, Measure, Parameter, Probe, real, take, whole};

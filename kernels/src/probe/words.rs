@@ -1,4 +1,4 @@
-//! Integer hashes.
+//! Probe of the integer hashes.
 
 use super::judge::{Verdict, equal};
 use super::{Cell, Measure, Probe, real, take, word};

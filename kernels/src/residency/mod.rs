@@ -184,7 +184,8 @@ impl Streaming {
         self.resident.get(&node).map(|r| (r.slot, r.bounds))
     }
 
-    /// Returns a number that changes whenever the materials of a node change; 0 for a node that is not resident.
+    /// Returns a number that changes whenever the materials of a node change; 0 for a node that is not resident, and for all nodes until the first
+    /// call of [`Streaming::lay_anew`].
     pub fn revision(&self, node: NodeId) -> u64 {
         self.resident.get(&node).map_or(0, |r| r.revision)
     }

@@ -83,7 +83,7 @@ pub enum World {
         #[serde(default)]
         colour_modulation: f64,
     },
-    /// An imported heightmap: 16-bit samples, row 0 = north, samples are vertices.
+    /// An imported heightmap: 16-bit samples, row 0 = north. Samples are points, so n samples in a row span n - 1 times their distance.
     Heightmap {
         /// The heightmap, usually the 16-bit grey PNG that `import` writes. The path is relative to the folder of the scene file.
         file: PathBuf,
@@ -91,11 +91,11 @@ pub enum World {
         metres_per_texel: f64,
         /// Elevations of the sample values 0 and 65535, metres.
         height_range_m: [f64; 2],
-        /// Largest offset of the procedural relief that is added below the resolution of the data, metres. 0 = no relief is added, and the finest LOD
-        /// follows from the resolution of the data.
+        /// Largest offset of the added procedural relief, which is finer than the resolution of the data, metres. 0 = no relief is added, and the
+        /// finest LOD follows from the resolution of the data.
         #[serde(default)]
         detail_m: f64,
-        /// Seed of the added relief and of the noise masks of the splat rules.
+        /// Seed of the added relief, of the noise masks of the splat rules, and of the colour modulation map.
         #[serde(default)]
         seed: u32,
         /// Circular holes.

@@ -84,7 +84,7 @@ fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
         let what = setting.accept(table.get(key)?).err()?;
         Some(setting.place().sentence(what).wrong(text))
     });
-    // A refused setting in another line is a different mistake, so `wrong` is kept.
+    // A refused setting on another line is a different mistake, so `wrong` is returned unchanged.
     said.find(|said| said.line == wrong.line).unwrap_or(wrong)
 }
 

@@ -154,7 +154,7 @@ pub trait Field {
     /// Stores a value of the setting's [`Kind`].
     ///
     /// # Errors
-    /// The value does not fit this type. The error is a hint, which may be empty.
+    /// The value does not fit this type. The error is a hint, which [`Setting::set`] adds to its message; it may be empty.
     fn store(&mut self, value: &Value) -> Result<(), String>;
 
     /// A mutable reference to the number; `None` if the value is not a single real number.
@@ -270,9 +270,10 @@ impl Listing {
     }
 }
 
-/// A setting of owners of type `T`.
+/// A setting whose value is stored in a `T`, its owner.
 pub struct Setting<T: 'static> {
-    /// Key of the setting: its path in a scene file, or `frame.` followed by its name.
+    /// Key of the setting. For a setting of a scene: its path in the scene file. For a setting of a frame: `frame.` and its name. For a setting of
+    /// the workbench alone: `look.` and its name.
     pub key: &'static str,
     /// Unit of the value; empty = none.
     pub unit: &'static str,
@@ -305,7 +306,7 @@ impl Part for () {
 
 /// An owner that stores the settings of a part. The type `P` identifies the part, because an owner may have several.
 pub trait Holds<P>: 'static {
-    /// The type of these settings.
+    /// The type that holds the settings of the part.
     type Part: Part;
 
     /// The settings.
@@ -459,8 +460,8 @@ impl<T> Setting<T> {
     /// Stores a value in an owner.
     ///
     /// # Errors
-    /// One sentence, which is the same wherever the value comes from. It names the key, the value, and what the value must be. The owner does not
-    /// change.
+    /// The value is not accepted, or the owner does not have this setting. The error is one sentence, which is the same wherever the value comes
+    /// from. For a value that is not accepted, it names the key, the value, and what the value must be. The owner does not change.
     pub fn set(&self, owner: &mut T, value: &Value) -> Result<(), String> {
         self.accept(value)?;
         match (self.field_mut)(owner) {

@@ -37,9 +37,9 @@ pub mod salt {
     pub const FAR_CLIFF: u32 = 2;
     /// Salt of full splat, for estimators that shade splat with random choices.
     pub const SPLAT: u32 = 3;
-    /// Added to the salt of a flavour for the random choice of texels in the albedo and normal textures.
+    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of texels in the albedo and normal textures.
     pub const TEXEL: u32 = 4;
-    /// Added to the salt of a flavour for the random choice of texels in the height texture.
+    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of texels in the height texture.
     pub const HEIGHT_TEXEL: u32 = 8;
 }
 
@@ -259,10 +259,11 @@ impl Shading {
         self.displayed.extend(added);
     }
 
-    /// Builds a pipeline if it does not exist. Returns whether it was built.
+    /// Builds a pipeline if it does not exist. Returns whether this call built it.
     ///
     /// # Errors
-    /// When the device refuses the pipeline. The error is [`Error::Request`], because other pipelines still work.
+    /// When the shader cannot be specialised, or when the device refuses the specialised shader or the pipeline. The error is [`Error::Request`] and
+    /// not [`Error::Gpu`], because other pipelines can still be used.
     pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<bool> {
         if self.pipelines.contains_key(&key) {
             return Ok(false);

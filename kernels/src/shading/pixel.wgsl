@@ -24,7 +24,8 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(7) var page_sampler: sampler;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
-// Conditions that depend only on the constants above. Code that a false condition disables is removed before a driver compiles the shader.
+// Conditions that depend only on VARIANT and ESTIMATOR. The host removes code that a false condition disables, before a driver compiles the shader
+// (see gpu/specialise.rs).
 override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_VT_BIT) != 0u);
 override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_FAR_ATLAS_BIT) != 0u);
 override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_NEAR_CLIFF_BIT) != 0u);
@@ -35,8 +36,8 @@ override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == E
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
-// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four materials (eight for `luna8`) are blended. `laplacian` uses
-// a tiling scale that depends on distance on far cliff, and scale 0 otherwise.
+// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four materials (eight for `luna8`) are blended at tiling scale 0.
+// One exception: on far cliff, `laplacian` uses a tiling scale that depends on the distance.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
 // The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and
@@ -49,7 +50,7 @@ struct Pixel {
     node: NodePlace,
     cell: SplatCell,
     normal: vec3<f32>,          // shading normal
-    planes: vec3<u32>,          // planes of the projections: 0..2 = along x, y, z; 3, 4 = along a diagonal, see snapped_projection.wgsl
+    planes: vec3<u32>,          // the projections: 0..2 = along x, y, z; 3, 4 = along a horizontal diagonal, see snapped_projection.wgsl
     projections: vec3<f32>,     // weights of the projections
     tiling: vec2<f32>,          // x: exponent of the lower of two tiling scales; y: weight of the upper scale
 }
@@ -79,8 +80,8 @@ fn shade_choose(texel: u32, plane: u32) {
     }
 }
 
-// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4. Compilers would unroll a loop that runs to a
-// constant (see terrain.wgsl).
+// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4, because compilers would unroll a loop that
+// runs to a constant (see terrain.wgsl).
 fn shade_projections() -> u32 {
     if IS_BIPLANAR {
         return frame.taps - 2u;

@@ -68,7 +68,8 @@ pub fn shade(ground: &Ground<'_>, rules: Rules<'_>, pixel: &Pixel, variant: Vari
     Some(Shaded { albedo: sum.albedo, normal: normal.normalize(), smoothness: sum.smoothness, occlusion: sum.occlusion })
 }
 
-/// Returns the surface of one flavour, and the normal if the flavour computes it without a gradient, as the far atlas does.
+/// Returns the surface of one flavour, and the normal if the flavour computes it without a gradient, as the far atlas does. `None` if the flavour
+/// needs a node that is not loaded.
 fn one(ground: &Ground<'_>, rules: Rules<'_>, params: &FlavourParams, pixel: &Pixel, flavour: Flavour) -> Option<(Surface, Option<DVec3>)> {
     let bias = rules.blend.mip_bias;
     let spot = ground.spot(pixel.position.truncate())?;

@@ -16,8 +16,9 @@ fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) i
     let tile_pixel = vec2<f32>(tile * TILE);
     if ONE_TRIANGLE {
         // The left and right sides of the triangle converge and meet far below the tile. In the first row of pixels, at the height of the pixel
-        // centres, the sides are 3/8 of a pixel outside the tile. In the last row, they are 3/8 of a pixel inside the tile. Pixel centres are half a
-        // pixel inside, so the triangle includes all of them.
+        // centres, the sides are 3/8 of a pixel outside the tile. In the last row, they are 3/8 of a pixel inside the tile. The outermost pixel
+        // centres of the tile are half a pixel inside it, and those of the neighbouring tiles half a pixel outside it. So in the rows of the tile,
+        // the triangle includes exactly the pixel centres of the tile.
         let edge = f32(TILE);
         let outside = 0.375 * edge / (edge - 1.0);
         let apex = vec2<f32>(0.5 * edge, 0.5 * edge * ((edge - 1.0) * 4.0 / 3.0 + 1.0));

@@ -8,7 +8,7 @@ use super::real::Real;
 /// Lower limit of alpha. A smaller alpha would give a highlight that is narrower than f32 can resolve in n.h.
 pub const MIN_ALPHA: f64 = 0.002;
 
-/// alpha of a perceptual roughness, 0..=1.
+/// alpha for a perceptual roughness, which is clamped to 0..=1. The result is in [`MIN_ALPHA`]..=1.
 pub fn alpha<T: Real>(perceptual_roughness: T) -> T {
     let r = bounded(perceptual_roughness, 0.0, 1.0);
     bounded(r * r, MIN_ALPHA, 1.0)
@@ -43,7 +43,7 @@ pub fn f_schlick<T: Real>(f0: [T; 3], u: T) -> [T; 3] {
     f0.map(|f| bounded(f, 0.0, 1.0)).map(|f| f + (T::one() - f) * grazing)
 }
 
-/// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too
+/// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of this module's BRDF for dielectrics, but up to 0.31 too
 /// dark for metals seen at a grazing angle. Karis, *Physically Based Shading on Mobile*, 2014: an analytic fit in place of the split-sum table, after
 /// Lazarov, *Getting More Physical in Call of Duty: Black Ops II*, SIGGRAPH 2013.
 pub fn env_approx<T: Real>(f0: [T; 3], perceptual_roughness: T, n_dot_v: T) -> [T; 3] {

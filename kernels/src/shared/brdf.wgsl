@@ -13,7 +13,7 @@ fn brdf_clamped_alpha(alpha: f32) -> f32 {
     return max(usable_positive_1(alpha, 1.0), BRDF_MIN_ALPHA);
 }
 
-// alpha from perceptual roughness, 0..=1.
+// alpha for a perceptual roughness, which is clamped to 0..=1. The result is in BRDF_MIN_ALPHA..=1.
 fn brdf_alpha(perceptual_roughness: f32) -> f32 {
     let r = brdf_unit(perceptual_roughness);
     return brdf_clamped_alpha(r * r);
@@ -47,8 +47,8 @@ fn brdf_f_schlick(f0: vec3<f32>, u: f32) -> vec3<f32> {
     return f + (vec3<f32>(1.0) - f) * (m2 * m2 * m);
 }
 
-// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too dark
-// for metals seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of the split-sum table, after
+// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of this file's BRDF for dielectrics, but up to 0.31 too
+// dark for metals seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of the split-sum table, after
 // Lazarov, "Getting More Physical in Call of Duty: Black Ops II", SIGGRAPH 2013.
 fn brdf_env_approx(f0: vec3<f32>, perceptual_roughness: f32, n_dot_v: f32) -> vec3<f32> {
     let f = vec3<f32>(brdf_unit(f0.x), brdf_unit(f0.y), brdf_unit(f0.z));

@@ -28,8 +28,8 @@ pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
 /// Largest accepted magnitude of a number. Sums of squares and products of numbers up to this limit fit f32.
 pub(crate) const MOST: f64 = 1e15;
-/// Vectors of at most this size are treated as having no direction, because their squares have little precision in f32. The size of a cone's axis is
-/// its largest component; the size of the vector to a patch is its length, metres.
+/// Vectors of at most this size are treated as having no direction. The limit is well above 1e-19, below which the squares of numbers are denormal in
+/// f32. The size of a cone's axis is its largest component; the size of the vector to a patch is its length, metres.
 pub(crate) const LEAST: f64 = 1e-15;
 /// Bound on the error of a sum of three products if denormal factors are flushed to zero. The other factor of each product is at most [`MOST`].
 pub(crate) const FLUSHED: f64 = 1e-22;
@@ -47,21 +47,22 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     known && distance < -(T::of(SLACK) * size + T::of(FLUSHED))
 }
 
-/// Whether all of a patch faces away from the eye. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m.
-/// Its normals lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means
-/// any direction. The half angle a of the cone and the angular radius s of the sphere add up, where sin s = radius / distance: all normals face away
-/// if axis . `to_patch` > sin(a + s), with both vectors normalised.
+/// Whether all of a patch faces away from the eye. The patch lies in a sphere of `radius` m, and `to_patch` goes from the eye to the centre of this
+/// sphere, m. The normals of the patch lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle,
+/// 0..=1, where 1 means any direction. The half angle a of the cone and the angular radius s of the sphere add up, where sin s = radius / distance:
+/// all normals face away if axis . `to_patch` > sin(a + s), with both vectors normalised.
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
-    // The patch is kept if the eye is inside the sphere, if a vector is too short to have a direction in f32, or if a number is not valid.
+    // The patch is not culled if the eye is inside the sphere, if the cone includes all directions, if a vector is too short, or if a number is not
+    // valid.
     if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
     let sine = radius / distance;
     let [cosine_half, cosine] = [sin_half_angle, sine].map(|s| ((T::one() - s) * (T::one() + s)).max(T::zero()).sqrt());
-    // If the angles add up to a right angle or more, some normal faces the eye.
+    // If the two angles, a and s, add up to a right angle or more, some normal in the cone may face the eye.
     if cosine_half * cosine - sin_half_angle * sine <= T::of(ROUNDING) {
         return false;
     }
@@ -137,9 +138,9 @@ pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], siz
     })
 }
 
-/// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level combines 2 x 2 texels of
-/// the level below; the texels of level 0 are pixels. So the texel of pixel (x, y) at level l is (x >> l, y >> l). The size of a level must be
-/// [`level_size`].
+/// The finest level of a depth pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level stores the least
+/// reversed depth of 2 x 2 texels of the next finer level; the texels of level 0 are pixels. So the texel of pixel (x, y) at level l is
+/// (x >> l, y >> l). The size of a level must be [`level_size`].
 pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     let along = |axis: usize| {
         let start = (last[axis] - first[axis]).max(1).ilog2();
@@ -148,8 +149,8 @@ pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     along(0).max(along(1))
 }
 
-/// Size of a level of the pyramid over a picture of `size` pixels (1..=16384 each), in texels: the picture's size / 2^level, **rounded up**. In WGSL:
-/// `culling_level_size`.
+/// Size of a level of the depth pyramid of a picture of `size` pixels (1..=16384 each), in texels: the picture's size / 2^level, **rounded up**. In
+/// WGSL: `culling_level_size`.
 ///
 /// If a level has an odd number of columns, the last column is alone in a texel of the next level. If sizes were rounded down, this column would be
 /// in no texel. The texel to the left would be read in its place, and a box that is visible only in this column would be culled. The sizes of the mip
@@ -160,8 +161,8 @@ pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
 }
 
 /// Whether a box is hidden: everything that was drawn at the pixels of the box is nearer than the nearest point of the box. `depth` is the reversed
-/// depth of this nearest point. `farthest` are the least reversed depths in the texels of the pyramid that the box covers; 0 means that nothing was
-/// drawn. False if a depth is NaN.
+/// depth of this nearest point. `farthest` are the least reversed depths in the texels of the depth pyramid that the box covers; 0 means that nothing
+/// was drawn. False if a depth is NaN.
 pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
     farthest.iter().all(|&stored| depth < stored)
 }

@@ -1,5 +1,5 @@
 // Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away from the eye. The
-// tests are conservative: nothing visible is ever culled. culling.rs derives the margins CULLING_..., which the host passes to this file.
+// tests are conservative: nothing visible is ever culled. culling.rs explains the constants CULLING_..., which the host passes to this file.
 
 // Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
 // beyond 1e15.
@@ -11,8 +11,8 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     return known && terms.x + terms.y + terms.z + plane.w < -(CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// Whether all of a patch faces away from the eye. The patch lies within `radius` of a point, and `to_patch` goes from the eye to that point. The
-// normals of the patch lie in a cone around `axis`; `sin_half_angle` is the sine of the cone's half angle.
+// Whether all of a patch faces away from the eye. The patch lies in a sphere of `radius` m, and `to_patch` goes from the eye to the centre of this
+// sphere, m. The normals of the patch lie in a cone around `axis`; `sin_half_angle` is the sine of the cone's half angle.
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0
@@ -23,7 +23,7 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
     }
     let sines = vec2<f32>(sin_half_angle, radius / distance);
     let cosines = sqrt(max((vec2<f32>(1.0) - sines) * (vec2<f32>(1.0) + sines), vec2<f32>(0.0)));
-    // If the angles add up to a right angle or more, some normal faces the eye.
+    // If the half angle of the cone and the angular radius of the sphere add up to a right angle or more, some normal in the cone may face the eye.
     if cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING {
         return false;
     }
@@ -90,21 +90,21 @@ fn culling_cover(
 }
 
 // The finest level of a depth pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level stores the least
-// reversed depth of 2 x 2 texels of the level below; the texels of level 0 are pixels.
+// reversed depth of 2 x 2 texels of the next finer level; the texels of level 0 are pixels.
 fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
     let start = firstLeadingBit(max(last - first, vec2<u32>(1u)));
     let level = start + select(vec2<u32>(0u), vec2<u32>(1u), (last >> start) - (first >> start) > vec2<u32>(1u));
     return max(level.x, level.y);
 }
 
-// Size of a level of the pyramid over a picture of `size` pixels, in texels. It is rounded up. If it were rounded down, the last column of a level
-// with an odd number of columns would be in no texel of the next level, and a box that is visible only there would be culled.
+// Size of a level of the depth pyramid of a picture of `size` pixels, in texels. It is rounded up. If it were rounded down, the last column of a
+// level with an odd number of columns would be in no texel of the next coarser level, and a box that is visible only in this column would be culled.
 fn culling_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
     return ((max(size, vec2<u32>(1u)) - vec2<u32>(1u)) >> vec2<u32>(level)) + vec2<u32>(1u);
 }
 
 // Whether a box is hidden by what was drawn. `depth` is the reversed depth of the box's nearest point. `farthest` are the least reversed depths in
-// the texels of the pyramid that the box covers.
+// the texels of the depth pyramid that the box covers.
 fn culling_hidden(depth: f32, farthest: vec4<f32>) -> bool {
     let numbers = usable_number(farthest.x) && usable_number(farthest.y) && usable_number(farthest.z) && usable_number(farthest.w);
     return numbers && usable_number(depth) && all(vec4<f32>(depth) < farthest);

@@ -1,6 +1,6 @@
 // Screen derivatives of the position, from depth and the triangle's plane.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018: rays through the neighbouring pixels are
-// intersected with the tangent plane.
+// intersected with the plane of the triangle.
 
 // Lower limit of |cosine| between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by this limit. With this limit,
 // the step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and beyond the horizon

@@ -14,7 +14,8 @@ pub const MIN_DISTANCE: f64 = 1e-4;
 /// A point is reprojected only if its distance along the view direction is smaller than this, metres.
 pub const FAR: f64 = 1e9;
 
-/// The camera of an earlier frame, relative to the eye of a later frame.
+/// The camera of an earlier frame, relative to the eye of a later frame. In the descriptions of the fields, q is a point relative to the earlier eye,
+/// and the distance is dot(`forward`, q).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past<T> {
     /// The later eye minus the earlier one, metres.
@@ -77,8 +78,8 @@ impl<T: Real> Past<T> {
 }
 
 /// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The result is `[-1e9, -1e9, 0]` if the
-/// point is behind the earlier camera, if its distance is not between [`MIN_DISTANCE`] and [`FAR`], or if the input is not finite. In WGSL:
-/// `motion_reproject`.
+/// point is behind the earlier camera, if its distance is not between [`MIN_DISTANCE`] and [`FAR`], if a coordinate of the pixel is beyond 1e9, or if
+/// the input is not finite. In WGSL: `motion_reproject`.
 pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
     let q = add(point, past.offset);
@@ -90,8 +91,8 @@ pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
 }
 
-/// The ray of a pixel of the earlier camera. Its component along the view direction is 1. Zero if the ray is not finite. In WGSL:
-/// `motion_past_ray`.
+/// The ray of a pixel of the earlier camera. Its component along the view direction is 1. Zero if a component of the ray is NaN or beyond 1e30. In
+/// WGSL: `motion_past_ray`.
 pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);

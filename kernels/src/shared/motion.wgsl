@@ -18,8 +18,8 @@ struct MotionPast {
 // MOTION_MIN_DISTANCE, MOTION_FAR: a pixel is computed only if the distance along the view direction is between these two limits, metres.
 
 // Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
-// the point is behind the earlier camera, its distance is not between the two limits, or the input is not finite, then the distance is 0 and both
-// coordinates of the pixel are -1e9.
+// the point is behind the earlier camera, its distance is not between MOTION_MIN_DISTANCE and MOTION_FAR, a coordinate of the pixel is beyond 1e9, or
+// the input is not finite, then the distance is 0 and both coordinates of the pixel are -1e9.
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);
@@ -33,7 +33,7 @@ fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
 
 // The distance along the earlier view direction at which `ray` meets the plane through `point` with the normal `normal`. `ray` is the ray of a pixel
 // of the earlier camera; its component along the view direction is 1. If the point was not occluded, the distance that the earlier frame shows at
-// this pixel is close to the result. The result is 0 if the plane is edge-on, or if the distance is not between the two limits above.
+// this pixel is close to the result. The result is 0 if the plane is edge-on, or if the distance is not between MOTION_MIN_DISTANCE and MOTION_FAR.
 fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, normal: vec3<f32>) -> f32 {
     let along = dot(normal, ray);
     let to_plane = dot(normal, point + past.offset);
@@ -43,7 +43,7 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
 }
 
 // The ray of a pixel of the earlier camera. The function inverts the computation of the pixel in motion_reproject; `x_row` and `y_row` are
-// perpendicular. Zero if the ray is not finite.
+// perpendicular. Zero if a component of the ray is NaN or beyond 1e30.
 fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);

@@ -64,8 +64,8 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     return best;
 }
 
-// The predicted code of the shading normal: the code that the plane's own normal would have. p is the
-// plane's point of the fine lattice, which has 8 times as many steps; adding 4 rounds to the nearest code.
+// The predicted code of the shading normal: the code that the plane's own normal would have. p is the plane's point of the fine lattice, which has 8
+// steps for each step of the code. Adding 4 before the division by 8 (a shift by 3 bits) rounds to the nearest code.
 fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
     return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
 }

@@ -8,7 +8,8 @@ const OCTAHEDRAL_HALF: f32 = 127.0;
 // The step of the codes, 1 / 127. 127 times this f32 is exactly 1; a division on a GPU need not be exact.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
-// Unit vector along v; the z axis if v has no usable direction (too short, or not finite).
+// Unit vector along v; the z axis if v has no usable direction (if all components are at most 1e-30 in magnitude, or if one component is above 1e30
+// in magnitude or NaN).
 fn octahedral_unit(v: vec3<f32>) -> vec3<f32> {
     let size = max(max(abs(v.x), abs(v.y)), abs(v.z));
     if !(usable_within_3(v, 1e30) && size > 1e-30) {

@@ -54,8 +54,8 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
 // the terms by the sum of the shares.
 struct SplatBlendRun {
     score: f32,                 // log2 w + k h of the largest term so far
-    weight: f32,                // w of that term
-    height: f32,                // h of that term
+    weight: f32,                // w of the largest term so far
+    height: f32,                // h of the largest term so far
     keep: f32,
     share: f32,
 }

@@ -46,8 +46,8 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,
-/// which is the gradient's part along the surface. A gradient steeper than 1e6 is reduced to 1e6 and keeps its direction; a gradient that is not
-/// finite leaves `n` as it is.
+/// which is the gradient's part along the surface. A gradient steeper than 1e6 is reduced to 1e6 and keeps its direction. A gradient with a component
+/// that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);

@@ -23,7 +23,7 @@ pub struct Declaration {
     pub modules: &'static [&'static ShaderModule],
     /// Passes of the stage, including those that the scene does not require.
     pub passes: fn(&Demands) -> Vec<PassUse>,
-    /// Textures whose size depends on the scene, including those that the scene does not require.
+    /// Textures whose size does not depend on the picture, including those that the scene does not require.
     pub textures: fn(&Demands) -> Vec<TextureUse>,
     /// Textures that have the size of the picture.
     pub targets: fn(NormalEncoding) -> Vec<TargetUse>,
@@ -86,8 +86,8 @@ pub trait Stage: Sized + 'static {
     /// When a shader does not compile.
     fn build(build: Build<'_>) -> Result<Self>;
 
-    /// Builds the stage again from the current shader sources of the device. Parts that are expensive to make and do not depend on shaders
-    /// are kept.
+    /// Builds the stage again from the current shader sources of the device. By default, this replaces the whole stage. A stage may instead keep
+    /// parts that are expensive to make and do not depend on shaders, such as the textures of the page cache.
     ///
     /// # Errors
     /// When a shader does not compile or a pipeline cannot be created.

@@ -10,7 +10,7 @@ pub struct Frame<'a> {
     pub now: &'a [[u32; 2]],
     /// The shaded picture of the previous frame.
     pub before: &'a [[u32; 2]],
-    /// For each pixel, the index of the linked pixel one frame before.
+    /// For each pixel, the index of the linked pixel one frame before; [`NO_LINK`] = none.
     pub links: &'a [u32],
     /// For each pixel, the position of its surface point one frame before, pixels.
     pub positions: &'a [[f32; 2]],

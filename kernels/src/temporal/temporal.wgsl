@@ -12,7 +12,7 @@ struct TemporalFrame {
     exponential: u32,           // 1 = blend into the history
     share: f32,                 // share of the current frame in the history, (0, 1]
     neighbour: vec2<u32>,       // step to the neighbour whose sample is the second sample of a pixel in this frame: (1, 0) or (0, 1); FlipQuad only
-    past_neighbour: vec2<u32>,  // the same step for the previous frame
+    past_neighbour: vec2<u32>,  // as `neighbour`, for the previous frame
     history_in: u32,            // index in `history` at which the previous history begins
     history_out: u32,           // index in `history` at which the new history begins
     pad_0: u32,
@@ -31,7 +31,8 @@ fn temporal_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * temporal.size.x + pixel.x;
 }
 
-// Returns the mean of two samples of one frame on opposite edges of a pixel: the pixel's own sample and the sample of the neighbour at `step`.
+// Returns the mean of two samples of one frame on opposite edges of a pixel: the pixel's own sample and the sample of the neighbour at `step`. If the
+// neighbour lies outside the picture or is not a valid terrain pixel, the result is the pixel's own sample.
 fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     let own = signal_colour(signal[slot + temporal_index(pixel)]);
     let across = pixel + step;

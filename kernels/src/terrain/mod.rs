@@ -42,7 +42,7 @@ pub static WGSL: Wgsl = Wgsl::new(
 pub static FOOTPRINT_WGSL: Wgsl =
     Wgsl::new("terrain/footprint.wgsl", include_str!("footprint.wgsl"), &[&WGSL, &view::WGSL, &shared::DERIVATIVES, &shared::VIEW]);
 
-/// The bind group and its resources, except the atlases.
+/// The bind group of the terrain data, and its resources except the atlases.
 pub struct Terrain {
     /// Layout of group 1 of the stages that read terrain.
     pub layout: wgpu::BindGroupLayout,
@@ -51,7 +51,7 @@ pub struct Terrain {
     resources: Resources,
 }
 
-/// The resources of the bind group, except the atlases.
+/// The resources of the bind group of the terrain data, except the atlases.
 struct Resources {
     sector_data: wgpu::Buffer,
     entries: wgpu::Buffer,
@@ -107,7 +107,7 @@ fn table(palette: &Palette) -> Vec<PaletteEntry> {
     all
 }
 
-/// Returns the means of the palette, in the form that baking needs.
+/// Returns the mean albedo, smoothness and specular occlusion of each material of a palette, in the form that baking needs.
 pub fn palette_means(palette: &Palette) -> PaletteMeans {
     PaletteMeans {
         albedo: palette.means.iter().map(|m| m.albedo).collect(),

@@ -83,7 +83,7 @@ fn mix4(a: [f64; 4], b: [f64; 4], share: f64) -> [f64; 4] {
     std::array::from_fn(|k| a[k] * (1.0 - share) + b[k] * share)
 }
 
-/// A place on the terrain: the finest node there, and the position in it, 0..=1.
+/// A place on the terrain: the finest loaded node there, and the position in it, 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
     /// The node.
@@ -104,9 +104,9 @@ pub struct Cell {
 /// A footprint in the coordinates of one projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
-    /// The plane, see [`snapped_projection`].
+    /// Number of the projection's plane, see [`snapped_projection`].
     pub plane: u32,
-    /// Coordinates, metres.
+    /// Coordinates of the position in the projection, metres.
     pub at: DVec2,
     /// Change of the coordinates to the next pixel on the right and to the next one below, metres. It includes the mip bias.
     pub steps: [DVec2; 2],

@@ -229,7 +229,7 @@ struct Texels {
     height: vec2<f32>,          // height, colour mask
 }
 
-// Samples the three textures with filtering: three fetches.
+// Samples the three detail textures of a material with filtering: three fetches.
 fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>) -> Texels {
     count_fetch();
     count_fetch();
@@ -251,8 +251,8 @@ fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, 
     );
 }
 
-// Reads one texel of each of the three textures: three fetches. Mip level and texel are chosen at random, so that the expected value equals the
-// result of trilinear filtering. The albedo is later multiplied by a tint that depends on the colour mask in the height texture. The
+// Reads one texel of each of a material's three detail textures: three fetches. Mip level and texel are chosen at random, so that the expected value
+// equals the result of trilinear filtering. The albedo is later multiplied by a tint that depends on the colour mask in the height texture. The
 // expected value of this product is right only if the texel of the albedo and the texel of the colour mask are chosen independently. So
 // there are two sets of thresholds: `u` chooses level, column and row for the albedo and normal textures, `v` for the height texture.
 fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {

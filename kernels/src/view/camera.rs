@@ -117,7 +117,7 @@ impl View {
         let ray_dy = -up * (2.0 * half_height / height);
         let ray_00 = forward - right * half_width + up * half_height + ray_dx * (0.5 + jitter[0]) + ray_dy * (0.5 + jitter[1]);
         // x_clip = x_view / half_width, y_clip = y_view / half_height. Moving the sample points by the jitter shifts the image in the opposite
-        // direction. z_clip = near, w = depth along the view direction.
+        // direction. z_clip = `NEAR_M`, w_clip = distance along the view direction.
         let shift = DVec2::new(-2.0 * jitter[0] / width, 2.0 * jitter[1] / height);
         let view_rows = [right / half_width + forward * shift.x, up / half_height + forward * shift.y, DVec3::ZERO, forward];
         let rows = view_rows.map(|r| r.extend(-r.dot(camera)));

@@ -147,7 +147,7 @@ impl PageId {
 pub struct PageJob {
     /// Sector of the page's south-west corner.
     pub sector: [i32; 2],
-    /// Position of that corner in the sector, metres.
+    /// Position of the page's south-west corner in the sector, metres.
     pub origin: [f32; 2],
     /// Edge of a texel of this mip level, metres.
     pub texel_m: f32,
@@ -183,7 +183,7 @@ pub struct CacheCounts {
 
 struct Physical {
     layer: u32,
-    /// Fingerprint of the source nodes; the page is stale once they change.
+    /// Fingerprint of the nodes from which the page was rendered, see [`source_of`]. If they change, the page must be rendered again.
     source: u64,
     used: u64,
 }

@@ -10,7 +10,8 @@ use super::{LEVELS, TEXELS_PER_M};
 use crate::terrain::reference::{Ground, Projection, Surface};
 
 /// Size of a footprint in texels of level 0: the length of the shorter of the two `steps`, or the length of the longer step divided by `anisotropy`,
-/// whichever is larger. `steps` lead to the two neighbouring pixels, metres; `anisotropy` is the largest anisotropy of page filtering.
+/// whichever is larger, times 2^`mip_bias`. `steps` lead to the two neighbouring pixels, metres; `anisotropy` is the largest anisotropy of page
+/// filtering.
 pub fn texels(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> f64 {
     let [a, b] = steps.map(|step| step.truncate().length());
     a.min(b).max(a.max(b) / anisotropy) * TEXELS_PER_M * mip_bias.exp2()

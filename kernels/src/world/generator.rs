@@ -3,7 +3,7 @@
 //! The elevation is built from these layers, each of which depends on the previous layers:
 //!
 //! 1. Domain warp.
-//! 2. A network of broad valleys along the zero lines of noise.
+//! 2. A network of broad valleys along the zero lines of noise, on an uplift that varies over about 9 km.
 //! 3. Massifs: ridged multifractal noise (Musgrave 1994). Its octaves are weaker where the ground is already steep, as in Quilez's "derivative" fBm.
 //! 4. Gullies that run down the local slope.
 //! 5. Buttresses.
@@ -184,7 +184,8 @@ impl Gullies {
         Gullies { octave: Octave::new(seed, index, wavelength_m), wavelength_m }
     }
 
-    /// Returns the value, in -1..=1, and its derivatives per metre. `down` is the unit vector down the slope.
+    /// Returns the value, in -1..=1, and its approximate derivatives per metre, as if the weights of the cells and `down` were constant. `down` is
+    /// the unit vector down the slope.
     fn at(&self, x: f64, y: f64, down: [f64; 2]) -> Dual {
         let o = &self.octave;
         let (iu, iv, fu, fv) = o.lattice(x, y);
@@ -233,8 +234,8 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
 
 /// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner
-/// than it was before. This is necessary, because a coarse grid of vertices would draw a thin crest as a row of needles.
+/// The remapping is monotonic, so a ridge stays a ridge, and a wall roughly follows a contour line of the ground before the remapping. No crest
+/// becomes thinner than it was before. This is necessary, because a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
     seed: u32,

@@ -180,7 +180,8 @@ impl World {
     /// Makes the world of a validated scene. Reads the heightmap, if the scene has one.
     ///
     /// # Errors
-    /// [`Error::Heightmap`] if the heightmap cannot be used (see [`heightmap::read`]), [`Error::File`] if it cannot be read.
+    /// [`Error::Heightmap`] if the heightmap cannot be used (see [`heightmap::read`]), or if `detail_m` is negative or not finite; [`Error::File`] if
+    /// the heightmap cannot be read.
     pub fn new(scene: &Scene) -> Result<World> {
         let rules = Rules::new(scene);
         let material_count = scene.materials.len();
@@ -288,8 +289,8 @@ impl World {
         if self.has_edge() { coordinate.clamp(-half, half) } else { coordinate }
     }
 
-    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside a heightmap, it is the elevation of the nearest
-    /// point on the edge of the heightmap.
+    /// Elevation at a position, metres, within [`World::height_range_m`]: that of the generator, or that of the interpolated heightmap with its added
+    /// relief. Outside a heightmap, it is the elevation at the nearest point on the edge of the heightmap.
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
         let height = match &self.source {
             Source::Generated(generator) => generator.height_m(x, y),
@@ -326,7 +327,8 @@ impl World {
         }
     }
 
-    /// Elevation of vertex (i, j), 0..=128, of a node as it is drawn, metres: filtered if the node is coarser than the finest LOD, and quantised.
+    /// Elevation of vertex (i, j), 0..=128, of a node, metres, as the payload stores it: quantised. In a node coarser than the finest LOD, it is also
+    /// filtered, except on the edges of the node and at the edge of the data.
     pub fn vertex_elevation_m(&self, node: NodeId, vertex: [u32; 2]) -> f64 {
         self.elevation_m(self.quantise(payload::vertex_height_m(self, node, vertex)))
     }
@@ -348,9 +350,9 @@ impl World {
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
-        // Returns a cell, counted from the south-western corner of the world, and the position (0..=1) in the part of the cell that has data. If no
-        // edge of the data crosses the cell, this part is the whole cell. The divisor `end - start` is then 1, so the division does not change the
-        // position.
+        // For one axis, returns a quad, counted from the south-western corner of the world, and the position (0..=1) in the part of the quad that has
+        // data. If no edge of the data crosses the quad, this part is the whole quad. The divisor `end - start` is then 1, so the division does not
+        // change the position.
         let locate = |v: f64, half_extent: f64| {
             let [low, high] = [half - half_extent, half + half_extent].map(|edge| edge / spacing);
             let at = ((v + half) / spacing).max(low).min(high);
@@ -390,14 +392,15 @@ impl World {
             })
     }
 
-    /// Whether a vertex at this position is drawn inside a hole. It may be drawn at a different position, see [`World::drawn_at`].
+    /// Whether a vertex at this position is drawn where there is no ground, see [`World::is_hole`]. The vertex may be drawn at a different position,
+    /// see [`World::drawn_at`].
     fn opens_at(&self, vertex: [f64; 2]) -> bool {
         let [x, y] = self.drawn_at(vertex);
         self.is_hole(x, y)
     }
 
-    /// Whether it is certain that no vertex of a rectangle is drawn inside a hole. `low` and `high`: south-west and north-east corner of the
-    /// rectangle.
+    /// Whether it is certain that [`World::opens_at`] is false for every vertex of a rectangle. `low` and `high`: south-west and north-east corner of
+    /// the rectangle.
     fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
         let [low, high] = [low, high].map(|corner| self.drawn_at(corner));
         let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
@@ -415,8 +418,8 @@ impl World {
         self.footprint_m
     }
 
-    /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. For splat maps, these values are computed at
-    /// the points of a lattice and interpolated in between.
+    /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. Splat maps interpolate the derivatives
+    /// of the height between the points of a lattice (`RuleRelief` in `payload.rs`), so their values may differ slightly.
     pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
         let reach = self.footprint_m / 2.0;
         let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);
@@ -491,8 +494,8 @@ impl World {
         }
     }
 
-    /// Makes many nodes on rayon's worker threads and returns them in the order given. The result does not depend on the number of threads.
-    /// `on_done` is called once per finished node, in any order.
+    /// Makes the payloads of many nodes on rayon's worker threads. Returns them in the order of `nodes`, with the data from which they were made. The
+    /// result does not depend on the number of threads. `on_done` is called once per finished node, in any order.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
@@ -519,8 +522,8 @@ impl World {
         })
     }
 
-    /// Whether [`World::max_slope_deg`] is at least this many degrees. This is faster than computing the maximum, because one steep
-    /// position is enough.
+    /// Whether [`World::max_slope_deg`] is at least this many degrees. Where slopes are measured on a grid, this is usually faster than computing the
+    /// maximum, because the first point that is steep enough ends the search.
     pub fn is_as_steep_as(&self, degrees: f64) -> bool {
         if degrees <= f64::from_bits(self.reached_deg.load(Ordering::Relaxed)) {
             return true;

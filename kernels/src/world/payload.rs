@@ -23,7 +23,7 @@ pub const HEIGHT_SIDE: usize = 129;
 pub const TEXTURE_SIDE: usize = 132;
 /// Splat texels along a node's edge.
 pub const SPLAT_SIDE: usize = 65;
-/// Border texels on each side.
+/// Border texels on each side of the normal, albedo and colour modulation maps.
 pub const BORDER: usize = 2;
 /// Bytes of a payload.
 pub const PAYLOAD_BYTES: usize = 72_419;
@@ -63,8 +63,8 @@ pub struct NodePayload {
     /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, whose z is above 0 (a coordinate v is stored as 0.5 v + 0.5);
     /// red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
-    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 if vertex (i - 2, j - 2) is drawn inside a hole. The border has 2 texels, so this vertex is
-    /// the south-west corner of the texel.
+    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 if vertex (i - 2, j - 2) is drawn where there is no ground ([`World::is_hole`]). The border
+    /// has 2 texels, so this vertex is the south-west corner of the texel.
     pub albedo: Vec<u8>,
     /// BC1 132 x 132, linear; a value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
@@ -95,7 +95,7 @@ impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
         let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
+        // Splat texels are two vertices apart. The grid of vertices and the grid of splat texels both start one splat texel outside the node.
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
@@ -160,7 +160,7 @@ impl Grid {
         for j in 0..GRID_SIDE {
             for i in 0..GRID_SIDE {
                 let [x, y] = grid.vertex(i, j);
-                // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
+                // Splat texels are two vertices apart. The grid of vertices and the grid of splat texels both start one splat texel outside the node.
                 if i % 2 == 0 && j % 2 == 0 {
                     let [height, measured] = world.heights_m(x, y);
                     grid.heights.push(height);
@@ -258,7 +258,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // Splat texels are two vertices apart, and the grids of both start one splat texel outside the node.
+            // Splat texels are two vertices apart. The grid of vertices and the grid of splat texels both start one splat texel outside the node.
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
@@ -269,9 +269,9 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
 
 /// Slope and curvature at splat texels, from differences over a fixed footprint.
 ///
-/// Slope and curvature are defined at the points of a lattice that is fixed in the world. The spacing of the lattice is half the footprint. If
-/// texels are closer together than lattice points, their values are interpolated linearly; otherwise each texel lies on a lattice point.
-/// So all LODs use the same function.
+/// The curvature and the derivatives of the height are computed at the points of a lattice that is fixed in the world. The spacing of the lattice is
+/// half the footprint. If texels are closer together than lattice points, the values are interpolated bilinearly; otherwise each texel lies on a
+/// lattice point. The slope follows from the derivatives at the texel. So all LODs use the same function.
 struct RuleRelief {
     values: Vec<(f64, f64)>,
 }

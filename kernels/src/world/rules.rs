@@ -39,7 +39,7 @@ impl Rules {
     /// Prepares the rules of a validated scene.
     ///
     /// # Panics
-    /// If a rule names a material that the scene lacks, or there are more than 256 materials: validation refuses both.
+    /// If a rule or a stroke names a material that the scene lacks, or there are more than 256 materials: validation refuses both.
     pub fn new(scene: &Scene) -> Rules {
         let seed = match scene.world {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => seed,
@@ -156,7 +156,7 @@ impl Painted {
         self.stroke.radius_m - nearest.sqrt()
     }
 
-    /// Factor of a mask stroke: 1 outside, the amount of the stroke in its middle, smooth in between.
+    /// Factor of a mask stroke: 1 outside the line, the stroke's `amount` at `fade_m` or more inside its edge, smooth in between.
     fn factor(&self, x: f64, y: f64) -> f64 {
         let depth = self.depth_m(x, y);
         let t = if self.stroke.fade_m > 0.0 { (depth / self.stroke.fade_m).clamp(0.0, 1.0) } else { f64::from(u8::from(depth > 0.0)) };

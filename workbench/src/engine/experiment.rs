@@ -27,11 +27,11 @@ use crate::model::viewpoint::{EYE_M, Viewpoint};
 
 /// Name of the camera that is added to the scene for a free viewpoint.
 const CAMERA: &str = "workbench";
-/// Maximum number of lines of a report that are shown. This is enough for the answer, the checks, and most of the table.
+/// Maximum number of lines of a report that are shown. This is usually enough for the answer, the checks, the expectations, and most choices.
 const EXCERPT: usize = 40;
 /// Time between two checks whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
-/// Longest wait for a dropped run to stop by itself. After this wait, the run is killed.
+/// Longest wait for the process of a dropped [`Run`] to end after the interrupt. After this wait, the process is killed.
 const FAREWELL: Duration = Duration::from_secs(3);
 
 /// How much an experiment measures.
@@ -216,8 +216,8 @@ pub fn lacks(definition: &Path) -> Option<String> {
     definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
 
-/// The folder of definitions that come with the program. The function searches for it in the working directory and in all folders above the
-/// executable.
+/// The folder `experiments/definitions`, whose definitions come with the program. The function searches for it in the working directory and in all
+/// folders above the executable. `None` = it is in none of them.
 pub fn shipped() -> Option<PathBuf> {
     let definitions = Path::new("experiments").join("definitions");
     let own = std::env::current_exe().unwrap_or_default();
@@ -346,8 +346,8 @@ impl Run {
         lock(&self.shared.said).outcome.clone()
     }
 
-    /// Asks the run to stop, as Ctrl-C does. Finished parts are kept, so that [`Run::start`] can continue from there. A second call ends the run at
-    /// once.
+    /// Asks the run to stop, as Ctrl-C does. Finished parts are kept, so that [`Run::start`] can continue from there. A second call kills the process
+    /// of the run; on systems other than Unix, the first call does so.
     pub fn cancel(&self) {
         let shared = self.shared.clone();
         thread::spawn(move || shared.cancel());
@@ -398,8 +398,8 @@ impl Shared {
         wake();
     }
 
-    /// Interrupts the process at the first call and kills it at later calls. While the lock is held, the process id cannot be reused, so no other
-    /// process receives the signal.
+    /// Interrupts the process at the first call. Kills it at later calls, or if it cannot be interrupted. While the lock is held, the process id
+    /// cannot be reused, so no other process receives the signal.
     fn cancel(&self) {
         let mut child = lock(&self.child);
         if !matches!(child.try_wait(), Ok(None)) {

@@ -127,7 +127,7 @@ impl Live {
         }
     }
 
-    /// The current metrics of the region.
+    /// The current metrics of A and of B in the measured region; `None` = this side was not measured, or the region shows no terrain.
     fn summaries(&self, metrics: &Metrics, size: [u32; 2]) -> [Option<Summary>; 2] {
         let [left, top, right, bottom] = metrics.region.unwrap_or([0.0, 0.0, 1.0, 1.0]);
         let at = |share: f32, side: u32| (f64::from(share.clamp(0.0, 1.0)) * f64::from(side)).round() as usize;

@@ -2,9 +2,9 @@
 //!
 //! The window and the thread exchange messages through two mailboxes. The first mailbox stores one request ([`Wish`]); a newer request replaces an
 //! older one. The second mailbox stores what the thread reports ([`News`]), including the last picture. The thread and the window use separate
-//! devices, so pictures are passed as texels and not as textures of a shared device. There are two reasons. On a software adapter, separate devices
-//! have separate queues, so a long frame does not delay clicks. And if the device of the thread is lost, it can be replaced; meanwhile, the window
-//! stays usable but receives no new pictures.
+//! devices, so pictures are passed as texels and not as textures of a shared device. There are two reasons for separate devices. On a software
+//! adapter, they have separate queues, so a long frame does not delay clicks. And if the device of the thread is lost, it can be replaced; meanwhile,
+//! the window stays usable but receives no new pictures.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -177,8 +177,8 @@ pub struct Engine {
 
 impl Engine {
     /// Starts the thread. `shaders` is a folder with the layout of `kernels/src`; the thread draws with the WGSL files in it and watches them for
-    /// changes. `wake` is called when the thread reports something. Its argument is the longest time that the window may wait before it shows the
-    /// report.
+    /// changes. `None` = it draws with the shaders of the program. `wake` is called when the thread reports something. Its argument is the longest
+    /// time that the window may wait before it shows the report.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -344,7 +344,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             }
             Some(Err(why)) => {
                 boxes.tell(|news| (news.progress, news.failure, news.unloaded) = (None, Some(why), Some(opened)));
-                // Wait for the next request, and load its scene.
+                // The textures could not be made. Wait for the next request, and load its scene anew.
                 match boxes.next(false, None) {
                     Next::Wish(wish) => return End::Scene(wish),
                     Next::Idle => continue,
@@ -488,7 +488,7 @@ fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error:
     Ok((request, shown))
 }
 
-/// Elevation of the ground below the pose at which culling is frozen, metres.
+/// Elevation of the ground below the pose at which culling is frozen, metres; `None` = culling is not frozen.
 fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
     wish.culled_from.map(|pose| renderer.ground_m(pose.position.x, pose.position.y))
 }

@@ -86,7 +86,8 @@ fn stamp(file: &Path) -> Option<Stamp> {
 pub struct Reload {
     folder: PathBuf,
     watcher: Watcher,
-    /// The sources that were last given to a renderer, whether they compiled or not; `None` if the folder could not be read.
+    /// The sources that were last given to a renderer, whether they compiled or not. `None` = none were given yet or since the last failure of a
+    /// device, or the folder could not be read.
     tried: Option<Sources>,
 }
 
@@ -97,8 +98,8 @@ impl Reload {
         Reload { folder, watcher, tried: None }
     }
 
-    /// Applies changes of the files to the renderer. `None` = there are no changes. Otherwise, returns a report of the stages that were rebuilt. It
-    /// has no stages if a change that did not compile was reverted.
+    /// Applies changes of the files to the renderer. `None` = there are no changes. Otherwise, returns a report of the stages that were rebuilt. The
+    /// report lists no stage if none had to be rebuilt, for example because the user has reverted a change that did not compile.
     ///
     /// # Errors
     /// One line: a file cannot be read, or a compiler error with file and line. The renderer then continues with its old shaders.

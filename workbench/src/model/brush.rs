@@ -17,7 +17,8 @@ use kernels::oracle::{pixel_at, place_at};
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
 /// Limit of [`Brush::amount`], the factor of a mask on the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Maximum number of points of a stroke. Baking compares every splat texel near the stroke with each point.
+/// Maximum number of points of a stroke. It limits the time of baking, which computes the distance of every splat texel near the stroke from each
+/// segment of the stroke.
 pub const MOST_POINTS: usize = 4096;
 /// Maximum number of strokes of a scene. If it is reached, the brush adds no stroke.
 pub const MOST_STROKES: usize = 1000;
@@ -54,7 +55,7 @@ pub struct Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    /// The ground of a view, from the depths of its pixels. `None` = the number of depths does not match the size of the view.
+    /// The ground of a view, from the depths of its pixels. `None` = the number of depths does not match the size of the view, or is 0.
     pub fn new(view: View, depths: &'a [f32]) -> Option<Ground<'a>> {
         let [width, height] = view.size.map(|side| side as usize);
         (depths.len() == width * height && !depths.is_empty()).then_some(Ground { view, depths })
@@ -228,7 +229,7 @@ impl Brush {
         self.drawing.is_some()
     }
 
-    /// Index of the picture on which the drag began, from the left.
+    /// Index of the picture on which the drag began, from the left; `None` = no drag is under way.
     pub fn part(&self) -> Option<usize> {
         self.drawing.as_ref().map(|drawing| drawing.part)
     }
@@ -425,7 +426,7 @@ mod tests {
             assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{place} is {beside} m away from the line");
         }
         assert!(passed.len() > 150 && stroke.points.len() < passed.len() / 3, "{} points of {}", stroke.points.len(), passed.len());
-        // Positive control: the distances are not small in general. Some places are far from the line of the first stroke.
+        // Negative control: distances to a different line are not small. Some places on the path are far from the line of the first stroke.
         assert!(passed.iter().any(|place| distance_m(place.truncate(), [from, to]) > 4.0));
     }
 
@@ -489,8 +490,8 @@ mod tests {
         assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, MOST_POINTS));
         assert!(brush.full().is_some_and(|text| text.contains("let go")), "{:?}", brush.full());
         assert!(scene::validate(&scene).is_ok());
-        // The scene also limits the number of strokes and the number of points of all strokes together. These limits hold for a new stroke and for a
-        // stroke that is extended.
+        // The number of strokes of a scene is limited, and so is the number of points of all its strokes together. The first limit applies to a new
+        // stroke. The second limit also applies to a stroke that is extended.
         let long = scene.strokes[0].clone();
         let one = Stroke { points: vec![[0.0, 0.0]], ..long.clone() };
         let many = vec![long; MOST_IN_ALL / MOST_POINTS];

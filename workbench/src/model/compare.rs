@@ -117,7 +117,8 @@ impl Compare {
     }
 }
 
-/// Describes in words how `own` differs from `other`. If there is no difference, returns only the choice of variant.
+/// Describes in words how `own` differs from `other`. Leaves out differences in LOD bias, vertex stride and display, and in those parts of the
+/// scene that no panel changes. If there is nothing to describe, returns only the choice of variant.
 pub fn label(own: &Settings, other: &Settings) -> String {
     let mut parts = Vec::new();
     if own.choice() != other.choice() {

@@ -164,7 +164,7 @@ const MOST_CHOICES: usize = 12;
 pub enum Legend {
     /// The text [`Layer::legend`], because neither bars nor swatches apply.
     Words,
-    /// One bar for each value.
+    /// One bar for each component of the value: three for a normal, one for a number.
     Bars(&'static [Scale]),
     /// One colour for each meaning.
     Swatches(Vec<Swatch>),

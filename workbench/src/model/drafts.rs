@@ -97,7 +97,8 @@ pub(crate) struct Dialog {
 }
 
 impl MaterialsDraft {
-    /// Records what the scene was opened from (the argument of [`scene::load`]). That file is overwritten only if the user asks for it.
+    /// Records the file from which the scene was opened, or to which it was saved. `given` is an argument of [`scene::load`]. Saving overwrites such
+    /// a file only if the user asks for it.
     pub(crate) fn opened(&mut self, given: &str) {
         if given == scene::DEFAULT {
             return;

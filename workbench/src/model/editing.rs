@@ -104,7 +104,8 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Finds the material in the scene file (`original`) from which a material of the scene comes; `None` = the material was added in the workbench.
+/// Finds the material in the scene file (`original`) from which a material of the scene comes; `None` = the material was added in the workbench, or
+/// was renamed and the conditions below do not hold.
 ///
 /// If a material in the file has the same name, the function returns that material. Otherwise, the material may have been renamed. The function then
 /// returns the material in the file with the same index, under two conditions. First, no material of the scene has the name of the returned material.
@@ -117,7 +118,7 @@ pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'
     namesake.or_else(|| in_place().filter(|other| !has(&other.name)))
 }
 
-/// Restores a material, including its name, from the file of the scene. A material that was added is not changed.
+/// Restores a material, including its name, from the file of the scene. A material for which [`origin`] finds none is not changed.
 pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
     let Some(origin) = origin(scene, original, index) else { return };
     // Renaming succeeds: the name is valid, because the file has it, and no other material of the scene has this name.

@@ -140,8 +140,8 @@ pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     true
 }
 
-/// Moves the camera towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the pose
-/// changed.
+/// Moves the camera towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the number
+/// differs from 0.
 pub fn approach(pose: &mut Pose, target: DVec3, notches: f64) -> bool {
     *pose = around(pose, target, pose.position.distance(target) * NOTCH.powf(-notches));
     notches != 0.0

@@ -1,9 +1,9 @@
-//! The state that persists between sessions: the arrangement of the panes, the settings of the frame and the display, and for each scene its changed
-//! numbers, its places and its paths. The state is stored in a TOML file of the user ([`place`]), which can be read and edited by hand. The workbench
-//! also starts without this file.
+//! The state that persists between sessions: the names of recent scenes, the arrangement of the panes, the settings of the frame and the display, and
+//! for each scene its changed numbers, its places and its paths. The state is stored in a TOML file of the user ([`place`]), which can be read and
+//! edited by hand. The workbench also starts without this file.
 //!
-//! The file is written completely or not at all, and never replaces a file that this program did not write. A file that cannot be parsed is renamed.
-//! A file of a newer version of the program is not changed.
+//! The file is written completely or not at all. It never replaces a file that is not a saved state of this program. A file that cannot be parsed is
+//! renamed. A file of a newer version of the program is not changed.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -49,12 +49,13 @@ pub struct Kept {
     look: Look,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     layout: Option<Layout>,
-    /// The state that belongs to one scene, by the name of the scene.
+    /// The state that belongs to one scene, by the [`scene_name`] of the scene.
     #[serde(default, rename = "scene", skip_serializing_if = "BTreeMap::is_empty")]
     scenes: BTreeMap<String, OfScene>,
 }
 
-/// The saved settings of the frame and of the display, by their names ([`Settings::kept`]). A setting that is missing here is not changed.
+/// The saved settings of the frame and of the display, by their names ([`Settings::kept`]). [`Look::apply`] does not change a setting that is missing
+/// here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 struct Look(BTreeMap<String, Value>);
 
@@ -64,7 +65,8 @@ impl<'de> Deserialize<'de> for Look {
         let known = kept_names();
         let unknown = choices.keys().find(|name| !known.contains(&name.as_str())).cloned();
         match unknown {
-            // Use the wording that the TOML reader has for this error. A suggestion of a similar name is added to errors with this wording.
+            // Use the wording that the TOML reader has for this error: `document::read` adds a suggestion of a similar name to errors with this
+            // wording.
             Some(name) => Err(D::Error::custom(format!("unknown field `{name}`, expected one of `{}`", known.join("`, `")))),
             None => Ok(Look(choices)),
         }

@@ -33,6 +33,6 @@ impl Default for Metrics {
 pub struct Reading {
     /// The frame number.
     pub frame: u32,
-    /// The metrics of A, and those of B if B was drawn.
+    /// The metrics of A and of B; `None` = B was not drawn, or the measured region shows no terrain.
     pub sides: [Option<Summary>; 2],
 }

@@ -96,7 +96,7 @@ pub struct Shown {
     pub picture: Picture,
     /// B, if it was requested.
     pub second: Option<Second>,
-    /// The inspected pixel of A; `None` = no pixel was inspected, or the inspected pixel shows sky.
+    /// The inspected pixel of A; `None` = no pixel was inspected, the inspected pixel shows sky, or the picture is a first look.
     pub pixel: Option<Pixel>,
     /// Why B is missing although it was requested; one line.
     pub alone: Option<String>,

@@ -301,7 +301,7 @@ impl Recording {
     /// If a frame has several pictures, the pose of the last one is kept. If a frame has no picture, it gets the pose of the frame before.
     ///
     /// # Errors
-    /// Why the recording ended. The recording keeps the frames before this one.
+    /// Why the recording ended. The frames recorded so far are kept.
     pub fn see(&mut self, frame: u32, pose: Pose) -> Result<(), Ended> {
         let (frame, next) = (frame as usize, self.poses.len());
         let Some(last) = self.poses.last_mut() else {
@@ -404,7 +404,7 @@ impl Places {
 }
 
 /// Returns a free name: the wanted name as one line of at most [`NAME_LENGTH`] characters, or `usual` if the wanted name is empty. If the name is
-/// taken, the next free number is appended, such as `ridge 2` for `ridge`.
+/// taken, the smallest free number from 2 on is appended, such as `ridge 2` for `ridge`. It replaces a number at the end of the name.
 fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
     let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };

@@ -78,7 +78,7 @@ pub const LAYER: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.layer),
 };
 
-/// The settings that only the workbench has; they decide how a picture is displayed.
+/// The settings that only the workbench has: render scale, layer, and whether fetches are counted and variants are timed.
 pub const OWN: [&Setting<Settings>; 4] = [&SCALE, &LAYER, &COUNTS, &TIMES_VARIANTS];
 
 impl Field for Layer {

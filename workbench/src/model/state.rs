@@ -108,7 +108,8 @@ pub struct Model {
     pub(crate) looking: Looking,
     /// Why the scene with the current settings is not valid; `None` = it is valid.
     impossible: Option<String>,
-    /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
+    /// The scene that was validated last; `None` = it is not valid. While the scene is equal to this one, it is not validated again, so it is still
+    /// drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
     /// Durations of the last drawings of the window, without the drawing of the terrain pictures. They limit the response time, because a click waits

@@ -151,7 +151,7 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     let hint = "Saves scene, numbers, view, size, variant, estimator and noise as a definition for `experiments run` and `check`";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
         let saved = save(panel, model);
-        // Read the folder again, because saving may have created it.
+        // Read the folders again, because saving may have added a definition.
         panel.listed.places = None;
         panel.note(saved);
     }

@@ -26,7 +26,7 @@ const KEYS: [(&str, &str); 22] = [
     ("Shift+drag", "look around while painting"),
     ("Ctrl+wheel", "zoom"),
     ("middle drag", "move the magnified part of the picture"),
-    ("Ctrl+drag", "measure a rectangle"),
+    ("Ctrl+drag", "select a rectangle for the live metrics"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     ("drop a file or folder", "open a scene, or use a folder of textures"),
 ];

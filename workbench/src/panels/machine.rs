@@ -43,7 +43,7 @@ struct Level {
     lod: u8,
     /// Edge of a node, metres.
     edge_m: f64,
-    /// Edge of a texel of the baked atlas, metres. It is equal to the distance between two height samples.
+    /// Edge of a texel of the albedo and normal atlases, metres. It is equal to the distance between two neighbouring height samples.
     texel_m: f64,
     /// Number of drawn nodes.
     nodes: usize,
@@ -92,7 +92,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
             ("Level", "0 is the finest"),
             ("Edge", "Length of an edge of a node"),
             ("Nodes", "Number of nodes drawn in this frame"),
-            ("Texel", "Length of an edge of a texel of the baked atlas. A node has 128 texels and 128 quads along an edge."),
+            ("Texel", "Length of an edge of a texel of the albedo and normal atlases. A node has 128 texels and 128 quads along an edge."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -270,7 +270,7 @@ mod tests {
     }
 
     fn pose(pitch_deg: f64, fov_deg: f64) -> Pose {
-        // Looks east.
+        // The camera looks east.
         let yaw = 90.0_f64.to_radians();
         Pose { position: DVec3::new(300.0, -40.0, 150.0), yaw, pitch: pitch_deg.to_radians(), fov: fov_deg.to_radians() }
     }

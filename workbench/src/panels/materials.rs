@@ -15,7 +15,7 @@ use crate::model::state::Model;
 const FIELD: f32 = 170.0;
 /// Width and height of a swatch of colour, points.
 const SWATCH: f32 = 14.0;
-/// Limit of each component of the tint that a scene file accepts.
+/// Largest value that a scene file accepts for each component of the tint.
 const MOST_TINT: f64 = 16.0;
 
 /// The source of the textures of a material.

@@ -49,7 +49,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("Measures the numbers below in every frame. This uses shaders that record choices, so times differ from those of the normal shaders.");
-        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When you switch this off, measuring restarts.");
+        ui.checkbox(frozen, "Freeze")
+            .on_hover_text("Keeps the numbers as they are. If more than one frame passes meanwhile, measuring restarts afterwards.");
         if ui.button("Restart").on_hover_text("Discards the frames measured so far and measures again").clicked() {
             *resets = resets.wrapping_add(1);
         }

@@ -37,7 +37,7 @@ impl Box2 {
     }
 }
 
-/// A text that must be placed near a point.
+/// A text that is to be placed near a point.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
     pub(super) words: String,

@@ -19,7 +19,7 @@ pub(crate) struct CurvePoint {
     pub(crate) hint: Option<Hint>,
 }
 
-/// A curve. If it has only one point, only this point is drawn.
+/// A curve. If it has only one point, only this point and its confidence interval are drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve {
     /// Colour of the curve.
@@ -45,7 +45,7 @@ pub(crate) struct Lines<'a> {
     pub(crate) x_names: Vec<String>,
     /// Whether all x are whole numbers. Then each x gets a tick.
     pub(crate) x_whole: bool,
-    /// A value that is drawn as a dashed line for comparison, with its name.
+    /// A value that is drawn as a dashed line for comparison, and its name, which is not drawn.
     pub(crate) baseline: Option<(f64, &'a str)>,
 }
 

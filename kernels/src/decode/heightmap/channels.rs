@@ -144,7 +144,7 @@ fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<
     Ok(alpha.iter().map(|&alpha| is(alpha, 0.0).then_some(Absent::Transparent)).collect())
 }
 
-/// The part of the data window that the display window shows, as x, y, width, height.
+/// The part of the data window that the display window shows, as x, y (from the top left corner of the data window), width, height.
 fn shown(part: &Part, notes: &mut Vec<String>) -> Result<[u32; 4], Fault> {
     let (data, display) = (part.data_window, part.display_window);
     let offset = [0, 1].map(|axis| i64::from(display.position[axis]) - i64::from(data.position[axis]));

@@ -2,8 +2,8 @@
 //!
 //! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by Gauss-Seidel sweeps on a
 //! pyramid of grids. Each grid has half the resolution of the next finer one: cascadic multigrid (Bornemann and Deuflhard, *The cascadic
-//! multigrid method for elliptic problems*, 1996). At the edge of the map, missing neighbours are left out, so the membrane is level there
-//! in the direction across the edge. The result is the same on every machine, and does not depend on threads.
+//! multigrid method for elliptic problems*, 1996). At the edge of the map, missing neighbours are left out, so the slope of the membrane
+//! perpendicular to the edge is 0. The result is the same on every machine, and does not depend on threads.
 //!
 //! Limit: a membrane has no peaks, valleys or roughness, and stays between the lowest and the highest height of the rim.
 

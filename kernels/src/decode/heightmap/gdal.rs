@@ -35,7 +35,7 @@ pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     Ok(Statement { scale, offset, unit })
 }
 
-/// The number of the item with this role for the first band.
+/// The value, as a number, of the item with this role for the first band; `None` if there is no such item.
 fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     let Some(text) = one(items, role)? else { return Ok(None) };
     match text.trim().parse::<f64>() {
@@ -47,7 +47,7 @@ fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     }
 }
 
-/// The text of the item with this role for the first band.
+/// The text of the item with this role for the first band; `None` if there is no such item. Several items with the same text count as one.
 fn one(items: &[Item], role: &str) -> Result<Option<String>, Fault> {
     let mut found: Option<&str> = None;
     for item in items.iter().filter(|item| item.role == role && (item.sample.is_empty() || item.sample == "0")) {
@@ -72,7 +72,7 @@ struct Item {
 /// The items of GDAL's metadata that have a role.
 ///
 /// # Errors
-/// An item is not well formed, or the end of the metadata is missing.
+/// An item is not well formed, or the end of a comment or of the metadata is missing.
 fn items(xml: &str) -> Result<Vec<Item>, Fault> {
     let damaged = |what: &str| Fault::Damaged(format!("its metadata (tag 42112) {what}"));
     let xml = without_comments(xml).ok_or_else(|| damaged("hold a comment that has no end"))?;

@@ -25,7 +25,7 @@ const DOUBLE_PARAMETERS: u64 = 34_736;
 const USER_DEFINED: u16 = 32_767;
 const DEGREE: u16 = 9102;
 
-/// Mean length of a degree of latitude, metres.
+/// Length of a degree of latitude on a sphere with the mean radius of the Earth (6371 km), metres.
 const DEGREE_M: f64 = 111_195.0;
 /// Radius of the sphere of web maps, metres.
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
@@ -68,7 +68,7 @@ pub(super) struct Georeference {
     pub(super) is_mirrored: bool,
     /// The unit of heights, if a key or the vertical system states it.
     pub(super) vertical_unit: Option<Unit>,
-    /// The unit of distances, if it is stated.
+    /// The unit of distances, if a key or the projected system states it.
     pub(super) linear_unit: Option<Unit>,
     /// The code of the vertical system, if neither the file nor the system states the unit of heights.
     pub(super) vertical_system_without_unit: Option<u16>,
@@ -397,7 +397,7 @@ fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     format!("gdalwarp -t_srs EPSG:{system} -tr {spacing} {spacing} -r bilinear IN OUT.tif")
 }
 
-/// A length, rounded to three digits, as text.
+/// A length as text, with three significant digits. Lengths from 1000 on are rounded to integers.
 fn three_digits(length: f64) -> String {
     let places = (2.0 - length.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     format!("{length:.places$}")
@@ -407,8 +407,8 @@ fn three_digits(length: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Tags of a projected file with samples 10 units apart. `keys`: further keys and their values, in addition to the types
-    /// of model and raster.
+    /// Tags of a file with samples 10 units apart. `model`: 1 = projected, 2 = geographic, 3 = geocentric. `keys`: further keys and their
+    /// values, in addition to the types of model and raster.
     fn tags(model: u64, keys: &[[u64; 2]]) -> Tags {
         let mut directory = vec![1, 1, 0, keys.len() as u64 + 2, 1024, 0, 1, model, 1025, 0, 1, 1];
         directory.extend(keys.iter().flat_map(|&[key, value]| [key, 0, 1, value]));
@@ -450,7 +450,7 @@ mod tests {
         own.keys.as_mut().expect("set above").extend([3077, 34_736, 1, 0]);
         own.keys.as_mut().expect("set above")[3] = 4;
         assert!((metres(&own) - 5.0).abs() < 1e-12);
-        // If no unit is stated, none is assumed, but `usual` contains the unit of the coordinate system.
+        // If no unit is stated, none is assumed. If the coordinate system is known to be in feet, `usual` contains its unit.
         let without = |usual: Option<(u16, Unit)>| Spacing::WithoutUnit { stated: 10.0, usual };
         let survey_foot = Unit::of_code(9003).expect("known");
         assert_eq!(read(&tags(1, &[[3072, 2229]])).expect("usable").spacing, without(Some((2229, survey_foot))));

@@ -44,10 +44,10 @@ pub use report::Report;
 /// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
-/// If the elevations of float samples differ by at most this, metres, a note says that the samples may be normalised to 0..1.
+/// If the elevations of float samples differ by at most this many metres, a note says that the samples may be normalised to 0..1.
 const NORMALISED_RELIEF_M: f64 = 1.0;
 
-/// If neighbouring half floats differ by more than this, metres, a note says that precision is lost.
+/// If two consecutive half floats differ by more than this many metres, a note says that precision is lost.
 const COARSE_STEP_M: f64 = 0.25;
 
 /// XML elements that say what the samples of a heightmap mean. GDAL writes them to a file of metadata beside the heightmap (`.aux.xml`,
@@ -156,10 +156,11 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// # Errors
 /// [`Error::File`] if the operating system cannot read the file, or metadata beside it.
 ///
-/// [`Error::Heightmap`] if a file beside it is a mask or says what its samples mean (GDAL's `.msk` and `.aux.xml`); if the file is damaged,
-/// too large, or of a kind that is not supported; if its statements about its samples contradict each other or the options, or cannot be
-/// applied; if an option does not apply to it; if the spacing or the meaning of its samples is unknown; if samples have no data, and the
-/// options do not say how to treat them; if samples are beyond 100 000 m; or if all samples are equal.
+/// [`Error::Heightmap`] if a file beside the heightmap is a mask (GDAL's `.msk`), says what the samples mean, or is too large to check
+/// (`.aux.xml`); if the heightmap is damaged, too large, or of a kind that is not supported; if its statements about its samples contradict
+/// each other or the options, or cannot be applied; if an option does not apply to it; if the spacing or the meaning of its samples is
+/// unknown; if samples have no data, and the options do not say how to treat them; if samples are beyond 100 000 m; or if all samples are
+/// equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;

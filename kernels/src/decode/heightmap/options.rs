@@ -34,8 +34,9 @@ pub struct ReadOptions {
     pub voids: Voids,
 }
 
-/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, and masks always mark missing data. Missing tiles do so
-/// if the file names a no-data value. Values are compared with samples as they are stored, before the samples are converted to metres.
+/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, and masks always mark missing data. Strips and tiles that
+/// are not in a TIFF file do so if the file names a no-data value. Values are compared with samples as they are stored, before the samples
+/// are converted to metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
     /// The value that the file names. Other values that usually mark missing data, such as -9999, are refused; the user must
@@ -44,8 +45,8 @@ pub enum NoData {
     Stated,
     /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
     Named(Vec<f64>),
-    /// Nothing but what always marks missing data. All other samples are ground, even if they are transparent or have the value that the
-    /// file names.
+    /// No further value: only what always marks missing data does so. All other samples are ground, even if they are transparent or have the
+    /// value that the file names.
     Nothing,
 }
 

@@ -19,8 +19,8 @@ const START: usize = 26;
 /// Largest factor by which Deflate can compress (RFC 1951: 258 bytes from 2 bits, a factor of 1032), rounded up.
 const MOST_COMPRESSED: u64 = 1100;
 
-/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data, and
-/// so has a grey level that the file declares as transparent (chunk tRNS, in which GDAL stores its no-data value).
+/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data. A pixel
+/// is also transparent if its value is the one that the chunk tRNS declares as transparent; GDAL stores its no-data value in this chunk.
 pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let mut start = [0; START];
     input.read_exact(&mut start).and_then(|()| input.rewind()).map_err(Fault::of_io)?;
@@ -31,7 +31,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     let decoder = PngDecoder::with_limits(input, limits).map_err(fault)?;
     let (width, height) = decoder.dimensions();
     let window = options.window_of([width, height], false)?;
-    // A damaged header can claim any size, so memory is allocated only for as much as the file can hold.
+    // A damaged header can claim any size, so a size that the file cannot hold is refused before memory is allocated.
     if decoder.total_bytes() / MOST_COMPRESSED > length {
         return Err(Fault::Damaged(format!("it states {width} x {height} pixels, but has only {length} bytes")));
     }
@@ -83,8 +83,8 @@ struct Heights {
     absent: Vec<Option<Absent>>,
 }
 
-/// Takes one sample from each pixel. `values`: the channels of all pixels, in the byte order of the machine. Colours and partly transparent pixels
-/// are refused.
+/// Takes one sample from each pixel. `values`: the channels of all pixels, in the byte order of the machine. Pixels whose red, green and blue differ,
+/// and partly transparent pixels, are refused.
 fn heights(values: &[[u8; 2]], channels: usize, width: usize, kind: &str) -> Result<Heights, Fault> {
     let count = values.len() / channels;
     let mut found = Heights { samples: Vec::with_capacity(count), absent: Vec::new() };

@@ -93,7 +93,7 @@ impl Stored {
     }
 
     /// Whether a sample equals a value that was written as text. The two are compared in the type of the sample. Texts of huge numbers are
-    /// often shortened, for example to -3.40282e+38, so numbers from 1e30 on need only agree in five digits.
+    /// often shortened, for example to -3.40282e+38, so absolute values from 1e30 on may differ by a relative 1e-5.
     pub(super) fn is(&self, sample: f64, value: f64) -> bool {
         let is_equal = match self {
             Stored::Single(_) => sample as f32 == value as f32,

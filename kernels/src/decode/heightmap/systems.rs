@@ -52,12 +52,12 @@ pub(super) fn has_metric_heights(system: u16) -> bool {
     )
 }
 
-/// The unit of a vertical system in feet whose numbers grow upwards.
+/// The unit of a vertical system in feet whose numbers grow upwards; `None` for all other systems.
 pub(super) fn vertical_feet(system: u16) -> Option<Unit> {
     VERTICAL_FEET.iter().find(|(feet, _)| *feet == system).and_then(|&(_, unit)| Unit::of_code(unit))
 }
 
-/// The unit of a projected system in US survey feet or feet.
+/// The unit of a projected system in US survey feet or feet; `None` for all other systems.
 pub(super) fn projected_feet(system: u16) -> Option<Unit> {
     let code = if is_in_us_survey_feet(system) {
         9003

@@ -1,8 +1,8 @@
 //! Reads TIFF and GeoTIFF files.
 //!
 //! First, all statements of a file are read into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes
-//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors). The crate would invert samples of
-//! photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
+//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors), except LZW (`lzw.rs`). The crate would invert
+//! samples of photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
 //! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
 //! Of several images, the first one of full resolution is read. Images that belong to another image (SubIFDs) are not searched.
 

@@ -6,7 +6,7 @@ use super::raster::{Absent, Raster};
 use crate::decode::fault::Fault;
 
 /// Values that often mark missing data in files that do not name a no-data value. They are those of ESRI, SRTM, Mapbox and others, and the
-/// ends of the range of 16-bit integers.
+/// ends of the range of signed 16-bit integers.
 const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
 /// The marker of 16-bit unsigned integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;

@@ -163,7 +163,7 @@ fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Resul
     Ok(Stored { edge, channels, texels, encoding, remarks })
 }
 
-/// Converts an OpenEXR file. It must have exactly one part with the channels that are needed.
+/// Converts an OpenEXR file. Exactly one of its parts must have the channels that `want` needs.
 fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
     let refuse = |what: String| Err(Fault::Unsupported(what));
     let fitting: Vec<(&Part, Vec<&Channel>)> = parts.iter().filter_map(|part| Some((part, channels_of(part, want)?))).collect();
@@ -224,7 +224,7 @@ fn channels_of(part: &Part, want: Want) -> Option<Vec<&Channel>> {
     }
 }
 
-/// Exchanges top and bottom, because files begin with the top row.
+/// Reverses the order of the rows: files begin with the top row, but [`Stored`] begins with the bottom row.
 fn turn_over(texels: &mut [[f32; 3]], edge: usize) {
     for row in 0..edge / 2 {
         let (lower, upper) = texels.split_at_mut((edge - 1 - row) * edge);

@@ -15,13 +15,14 @@ use crate::shared::real::{length, normalize};
 
 /// Share of texels that must have a property before it counts as a property of the map. The rest may be noise of a lossy compression.
 const NEARLY_ALL: f64 = 0.999;
-/// A map with one value per texel may be stored as RGB. This is the largest difference between its channels that is accepted.
+/// A map with one value per texel may be stored as RGB. This is the largest difference between its channels that is accepted. In [`refuse_grey`], a
+/// grey image whose values do not differ by more than this counts as uniform.
 const GREY: f32 = 8.0 / 255.0;
 /// Largest difference between channels that count as equal, in the test whether a normal map is in fact a grey image.
 const EQUAL: f32 = 2.5 / 255.0;
 /// If the z of a normal differs from a constant by at most this number, the difference counts as noise.
 const CONSTANT_Z: f32 = 0.12;
-/// Largest difference between 1 and the length of a normal that is not reported. Averaged normals are shorter than 1.
+/// Largest difference between 1 and the length of a vector that counts as a unit vector. Averaged normals are shorter than 1.
 const LENGTH: f32 = 0.2;
 /// Largest distance by which floats may lie outside their range, for example because they were resampled.
 const OVERSHOOT: f32 = 0.05;
@@ -153,7 +154,8 @@ fn share(stored: Stored, inverted: bool) -> std::result::Result<Map, String> {
     }))
 }
 
-/// Decodes normals, n = 2 value - 1, and scales them to unit length. n = 0 becomes the normal of a flat surface.
+/// Decodes normals: n = 2 value - 1, or n = value if [`is_signed`]. Computes z if the file lacks it, and scales n to unit length. n = 0 becomes the
+/// normal of a flat surface.
 fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, String> {
     refuse_grey(&stored)?;
     let has_z = stored.channels == 3;
@@ -195,8 +197,8 @@ fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
 
 /// Whether the values are n itself rather than (n + 1) / 2. Values that are neither are refused.
 ///
-/// Floats are n itself if an x or y is below -[`OVERSHOOT`], or if the mean of all x and y is nearer to 0 than to 0.5. The mean of n is near
-/// 0, because a texture is flat on average.
+/// Floats are n itself if an x or y is below -[`OVERSHOOT`], or if the mean of all x and y is nearer to 0 than to 0.5. The mean of n.x and n.y is
+/// near 0, because a texture is flat on average.
 fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     let is_signed = stored.encoding == Encoding::Floats && {
         let sum = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>();
@@ -235,7 +237,8 @@ fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Refuses vectors that point into the surface, and remarks on lengths that differ from 1.
+/// Refuses a map if more than half of its vectors point into the surface. Adds a remark if the lengths of more than half differ from 1 by more than
+/// [`LENGTH`].
 fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
     let below = share_of(&map.texels, |t| t[2] < -0.02);
     if below > 0.5 {

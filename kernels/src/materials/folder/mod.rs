@@ -46,7 +46,7 @@ pub struct Loaded {
 /// material.
 ///
 /// # Errors
-/// The errors of [`recognise`] and [`load_maps`]. `name` is the name of the material, for these messages.
+/// The errors of [`recognise`], in whose messages `name` is the name of the material, and of [`load_maps`].
 pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     let recognised = recognise(dir).map_err(|what| wrong(name, what))?;
     Ok(load_maps(&recognised, size)?.maps)

@@ -6,7 +6,7 @@
 //! `metal_plate` do. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
 //! Megascans, Poliigon, Substance and glTF.
 
-/// Direction in which the green channel of a normal map grows.
+/// Direction in the image of the y axis of a normal map. The green channel holds y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     /// Up in the image, as the name states (`nor_gl`, `NormalGL`).

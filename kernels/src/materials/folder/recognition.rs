@@ -187,8 +187,8 @@ impl Candidate {
         Source { file: self.file.clone(), reading, tile_m: self.label.tile_m }
     }
 
-    /// The source of a map that is one channel of this packed map; `None` if no channel contains the map. `reading`: how to read the
-    /// channel of this index.
+    /// The source of a map that is one channel of this packed map; `None` if no channel contains the map. `reading`: returns how to read a
+    /// channel, given its index.
     fn channel(&self, held: Held, reading: fn(usize) -> Reading) -> Option<Source> {
         let Kind::Packed(channels) = self.label.kind else { return None };
         let channel = channels.iter().position(|&in_channel| in_channel == held)?;
@@ -268,8 +268,7 @@ pub fn sort_out(files: &[PathBuf]) -> Sorted {
 /// Finds the maps of the only material in a folder, by the names of the files.
 ///
 /// # Errors
-/// One line: the folder cannot be read, holds several materials, lacks a map (the message lists the files of the folder), or holds two files for the
-/// same map.
+/// One line: the folder cannot be read or holds several materials, or an error of [`Set::choose`].
 pub fn recognise(folder: &Path) -> Result<Recognised, String> {
     let listing = list(folder)
         .map_err(|error| format!("cannot read the folder {}: {error}; correct `folder` (relative to the scene file)", shown(folder)))?;
@@ -299,15 +298,16 @@ impl Set {
 
     /// Chooses one file per map. `folder` and `files`, the files of the folder, are used in messages.
     ///
-    /// If there are several files for one map, one is chosen by these criteria: the same material in the name as in the name of the albedo;
-    /// a format that can be read; for normal maps, the convention (OpenGL, then an unstated convention, then DirectX); a finer level of
-    /// detail; a higher resolution up to 8192, if all names state a resolution.
+    /// If there are several files for one map, one is chosen by these criteria, in this order: the same material in the name as in the name of
+    /// the albedo; a format that can be read; for normal maps, the convention (OpenGL, then an unstated convention, then DirectX); a finer level
+    /// of detail; a higher resolution up to 8192, if all names state a resolution.
     ///
     /// Roughness comes from a roughness map, else from an inverted gloss map, else from a packed map. Height and occlusion also come from a
     /// packed map if they have no separate file.
     ///
     /// # Errors
-    /// One line: a map is missing, or two files remain for the same map.
+    /// One line: a required map is missing (the message lists the files of the folder), several files remain for one map, or the format of the only
+    /// file of a map cannot be read.
     pub fn choose(self, folder: &Path, files: &[PathBuf]) -> Result<Recognised, String> {
         let mut chooser = Chooser { left: self.candidates, owner: None, unused: Vec::new(), folder };
         let share = Reading::Share { channel: None, inverted: false };

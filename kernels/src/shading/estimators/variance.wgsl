@@ -2,7 +2,7 @@
 
 fn shade_variance_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
-    // The choices of the projections are independent, so variances add with squared weights.
+    // The materials of the three projections are chosen independently, so the variances of the projections add with squared weights.
     for (var i = 0u; i < shade_projections(); i++) {
         let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
         let w = pixel.projections[i];

@@ -23,7 +23,8 @@ fn shade_virtual_texture(pixel: Pixel) -> Surface {
         let normal_z = sqrt(max(1.0 - dot(normal_xy, normal_xy), 0.01));
         return Surface(albedo, 0.0, vec3<f32>(-normal_xy / normal_z, 0.0), properties.x, properties.y);
     }
-    // No page of any level is cached. The baked terrain of the far atlas is always available.
+    // No page that contains this position is cached, neither at the level of the footprint nor at a coarser one. The baked terrain of the far atlas
+    // is always available.
     var baked = shade_far_atlas(pixel).surface;
     baked.albedo *= terrain_colour_modulation(pixel.node);
     return baked;

@@ -147,7 +147,7 @@ impl Model {
         self.before.is_some()
     }
 
-    /// Whether materials, rules or strokes have unsaved edits. Numbers do not count, since they are part of the saved state.
+    /// Whether materials, rules or strokes have unsaved edits. Numbers do not count, because they are part of the saved state.
     fn has_unsaved_edits(&self) -> bool {
         let (now, file) = (&self.settings.scene, &self.original);
         now.materials != file.materials || now.rules != file.rules || now.strokes != file.strokes
