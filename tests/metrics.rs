@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use kernels::gpu::Gpu;
-use kernels::metrics::perceived::{self, perceived_noise};
+use kernels::metrics::perceived;
 use kernels::metrics::{BINS, BLOCK, FrameSums, LagSums, Meter, Residual, Seeds, Track, Viewing, areas, quantile, reference};
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::probe::table::run;
@@ -482,7 +482,7 @@ fn what_an_eye_remembers_has_its_closed_forms() {
                 assert!((norm / (a / (2.0 - a)).sqrt() - 1.0).abs() < 0.01, "{norm}");
                 // With 20 pixels per degree, the filter correlates 8 neighbours, so the root mean square has a relative standard deviation of 2.5 %.
                 // Near a border, the filter averages fewer pixels.
-                let noise = perceived_noise(SIZE, &memory, 20.0).expect("pixels");
+                let noise = perceived::Filter::new(SIZE, 20.0).perceived_noise(&memory).expect("pixels");
                 let expected = S * norm * perceived::norm(20.0);
                 assert!((noise / expected - 1.0).abs() < 0.15, "{noise} and not {expected}");
             }

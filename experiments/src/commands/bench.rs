@@ -11,8 +11,7 @@ use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
-use kernels::metrics::perceived::perceived_noise;
-use kernels::metrics::{Track, Viewing, read_signal};
+use kernels::metrics::{PerceivedFilter, Track, Viewing, read_signal};
 use kernels::motion::LAGS;
 use kernels::scene;
 use kernels::shared::signal::Signal;
@@ -234,8 +233,10 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         shaded.measure(&layers, &mut meter, &[None; 2])?;
         let measured = began.elapsed();
         let began = Instant::now();
+        // A new filter for each frame, because the terrain of a picture changes when the camera moves.
+        let mut filter = PerceivedFilter::new(args.size, viewing.pixels_per_degree);
         for index in 0..tracks.len() {
-            perceived_noise(args.size, &meter.memory(gpu, index)?, viewing.pixels_per_degree);
+            filter.perceived_noise(&meter.memory(gpu, index)?);
         }
         let measured = measured + began.elapsed().mul_f64(SHARE_SEEN);
         frame += 1;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use kernels::metrics::perceived::perceived_noise;
-use kernels::metrics::{BINS, FrameSums, Residual, quantile};
+use kernels::metrics::{BINS, FrameSums, PerceivedFilter, Residual, quantile};
 use kernels::motion::LAGS;
 use kernels::shared::moments::Moments;
 use kernels::shared::signal::Signal;
@@ -150,10 +149,10 @@ impl Followed {
         rows: &mut Vec<Row>,
         name: &str,
         frame: u32,
-        size: [u32; 2],
+        filter: &mut PerceivedFilter,
         remembered: &[[f32; 2]],
     ) -> Result<()> {
-        if let Some(noise) = perceived_noise(size, remembered, labels.definition.viewing.pixels_per_degree) {
+        if let Some(noise) = filter.perceived_noise(remembered) {
             let noise = add(&mut self.perceived, noise);
             labels.put_of(rows, name, self.signal, metrics::PERCEIVED_NOISE, Mark::frame(frame), noise, None)?;
         }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::metrics::{AreaSums, Meter, SeedStream, Track, areas, read_signal};
+use kernels::metrics::{AreaSums, Meter, PerceivedFilter, SeedStream, Track, areas, read_signal};
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::moments::Moments;
 use kernels::shared::noise::NoiseKind;
@@ -103,6 +103,7 @@ impl Runner<'_> {
         let composed: Vec<Option<Variant>> = signals.iter().flat_map(|_| variants.iter().copied()).collect();
         let mut meter = stage.renderer.meter(size, &tracks, Some(definition.viewing.of_meter()))?;
         let mut followed: Vec<Followed> = tracks.iter().map(|track| Followed::new(track.signal, sequence)).collect();
+        let mut filter = PerceivedFilter::new(size, definition.viewing.pixels_per_degree);
         let mut truth = reference.sequence(how.resolve)?;
         for frame in 0..frames {
             step(u64::from(frame), total);
@@ -134,7 +135,7 @@ impl Runner<'_> {
                 followed.add(&labels, &mut rows, name, frame, sums, &truth.sequence.changes, how.resolve)?;
                 if sequence.is_seen(frame) {
                     let remembered = meter.memory(self.gpu, stream)?;
-                    followed.see(&labels, &mut rows, name, frame, size, &remembered)?;
+                    followed.see(&labels, &mut rows, name, frame, &mut filter, &remembered)?;
                 }
             }
         }

@@ -31,7 +31,7 @@ pub mod reference;
 mod seeds;
 
 pub use follow::{Followed, Point, Sample, Summary};
-pub use perceived::Viewing;
+pub use perceived::{Filter as PerceivedFilter, Viewing};
 pub use seeds::{AREA, AreaSums, BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, areas};
 
 /// Number of bins in a histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.

@@ -59,73 +59,96 @@ fn gaussian(deviation_px: f64) -> Vec<f64> {
     weights
 }
 
-/// Adds `weight` times each number of `from` to `to`.
-fn add_row(to: &mut [f64], weight: f64, from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
+/// Number of neighbouring pixels whose sums are kept in registers.
+const BLOCK: usize = 16;
+
+/// Computes one row of a filtered picture. The result for a pixel is `weights[0]` times the pixel in `row(0)`, plus, for each k above 0, `weights[k]`
+/// times the sum of the pixels in `row(k)` and `row(-k)`. Each of these rows must have at least as many pixels as `to`, rounded up to a multiple of
+/// [`BLOCK`].
+fn weighted<'a>(to: &mut [f64], weights: &[f64], row: impl Fn(isize) -> &'a [f64]) {
+    let blocks = |k: isize| row(k).as_chunks::<BLOCK>().0;
+    for (block, to) in to.chunks_mut(BLOCK).enumerate() {
+        let mut sums = blocks(0)[block].map(|pixel| weights[0] * pixel);
+        for (k, &weight) in (1..).zip(&weights[1..]) {
+            let (before, after) = (&blocks(-k)[block], &blocks(k)[block]);
+            for i in 0..BLOCK {
+                sums[i] += weight * (before[i] + after[i]);
+            }
+        }
+        to.copy_from_slice(&sums[..to.len()]);
+    }
 }
 
 /// Filters a picture with a Gaussian along rows and columns. Pixels outside the picture count as 0. `weights`: see [`gaussian`].
 fn blurred([width, height]: [usize; 2], picture: &[f64], weights: &[f64]) -> Vec<f64> {
     let reach = weights.len() - 1;
-    let mut rows = vec![0.0; picture.len()];
-    rows.par_chunks_mut(width).zip(picture.par_chunks(width)).for_each(|(to, from)| {
-        let mut padded = vec![0.0; width + 2 * reach];
+    let stride = width.next_multiple_of(BLOCK);
+    // Above and below the picture are `reach` rows of zeros.
+    let mut rows = vec![0.0; stride * (height + 2 * reach)];
+    rows[stride * reach..].par_chunks_mut(stride).zip(picture.par_chunks(width)).for_each(|(to, from)| {
+        let mut padded = vec![0.0; stride + 2 * reach];
         padded[reach..reach + width].copy_from_slice(from);
-        add_row(to, weights[0], from);
-        for (k, &weight) in weights.iter().enumerate().skip(1) {
-            add_row(to, weight, &padded[reach - k..]);
-            add_row(to, weight, &padded[reach + k..]);
-        }
+        weighted(&mut to[..width], weights, |k| &padded[reach.saturating_add_signed(k)..]);
     });
     let mut out = vec![0.0; picture.len()];
-    let row = |y: usize| &rows[y * width..(y + 1) * width];
     out.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
-        for (k, &weight) in weights.iter().enumerate() {
-            if k <= y {
-                add_row(to, weight, row(y - k));
-            }
-            if k > 0 && y + k < height {
-                add_row(to, weight, row(y + k));
-            }
-        }
+        weighted(to, weights, |k| &rows[stride * (reach + y).saturating_add_signed(k)..]);
     });
     out
 }
 
-/// Filters an error with the difference of two Gaussians. `error`: one value per pixel, row by row; `None` where there is no terrain. Each Gaussian
-/// is normalised over the terrain that it covers.
-///
-/// # Panics
-/// When the number of errors is not the number of pixels.
-pub fn filtered(size: [u32; 2], error: &[Option<f64>], pixels_per_degree: f64) -> Vec<Option<f64>> {
-    let size = size.map(|n| n as usize);
-    assert_eq!(error.len(), size[0] * size[1], "one error per pixel");
-    if error.is_empty() {
-        return Vec::new();
-    }
-    let known: Vec<f64> = error.iter().map(|e| f64::from(u8::from(e.is_some()))).collect();
-    let values: Vec<f64> = error.iter().map(|e| e.unwrap_or(0.0)).collect();
-    let [centre, surround] = [CENTRE_DEG, SURROUND_DEG].map(|degrees| {
-        let weights = gaussian(degrees * pixels_per_degree);
-        [blurred(size, &values, &weights), blurred(size, &known, &weights)]
-    });
-    let mean = |[sums, weights]: &[Vec<f64>; 2], at: usize| sums[at] / weights[at];
-    error.iter().enumerate().map(|(at, e)| e.map(|_| mean(&centre, at) - mean(&surround, at))).collect()
+/// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers.
+pub struct Filter {
+    size: [usize; 2],
+    gaussians: [Vec<f64>; 2],
+    /// Which pixels of the last filtered picture show terrain: 1 = terrain, 0 = none.
+    terrain: Vec<f64>,
+    /// For each Gaussian and pixel: the share of its weights that lies on terrain. It is computed again only if `terrain` changes; the pictures of
+    /// all streams of a frame usually show the same terrain.
+    covered: [Vec<f64>; 2],
 }
 
-/// Perceived noise: the root mean square of the filtered error. `remembered`: for each pixel, the remembered error and the number of frames in it
-/// (`Meter::memory`). `None` if no pixel has an error.
-///
-/// # Panics
-/// When the number of errors is not the number of pixels.
-pub fn perceived_noise(size: [u32; 2], remembered: &[[f32; 2]], pixels_per_degree: f64) -> Option<f64> {
-    let error: Vec<Option<f64>> = remembered.iter().map(|[e, frames]| (*frames > 0.0).then(|| f64::from(*e))).collect();
-    let (mut sum, mut count) = (0.0, 0.0);
-    for e in filtered(size, &error, pixels_per_degree).into_iter().flatten() {
-        sum += e * e;
-        count += 1.0;
+impl Filter {
+    /// Prepares the filter. `size`: width and height of the pictures, pixels.
+    pub fn new(size: [u32; 2], pixels_per_degree: f64) -> Filter {
+        let gaussians = [CENTRE_DEG, SURROUND_DEG].map(|degrees| gaussian(degrees * pixels_per_degree));
+        Filter { size: size.map(|n| n as usize), gaussians, terrain: Vec::new(), covered: Default::default() }
     }
-    (count > 0.0).then(|| f64::sqrt(sum / count))
+
+    /// Filters an error. `error`: one value per pixel, row by row; `None` where there is no terrain. The result has the same order.
+    ///
+    /// # Panics
+    /// When the number of errors is not the number of pixels.
+    pub fn apply(&mut self, error: &[Option<f64>]) -> Vec<Option<f64>> {
+        assert_eq!(error.len(), self.size[0] * self.size[1], "one error per pixel");
+        if error.is_empty() {
+            return Vec::new();
+        }
+        let terrain: Vec<f64> = error.iter().map(|e| f64::from(u8::from(e.is_some()))).collect();
+        if terrain != self.terrain {
+            self.covered = self.gaussians.each_ref().map(|weights| blurred(self.size, &terrain, weights));
+            self.terrain = terrain;
+        }
+        let values: Vec<f64> = error.iter().map(|e| e.unwrap_or(0.0)).collect();
+        let [centre, surround] = self.gaussians.each_ref().map(|weights| blurred(self.size, &values, weights));
+        let [near, far] = &self.covered;
+        error.iter().enumerate().map(|(at, e)| e.map(|_| centre[at] / near[at] - surround[at] / far[at])).collect()
+    }
+
+    /// Perceived noise: the root mean square of the filtered error. `remembered`: for each pixel, the remembered error and the number of frames in it
+    /// (`Meter::memory`). `None` if no pixel has an error.
+    ///
+    /// # Panics
+    /// When the number of errors is not the number of pixels.
+    pub fn perceived_noise(&mut self, remembered: &[[f32; 2]]) -> Option<f64> {
+        let error: Vec<Option<f64>> = remembered.iter().map(|[e, frames]| (*frames > 0.0).then(|| f64::from(*e))).collect();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for e in self.apply(&error).into_iter().flatten() {
+            sum += e * e;
+            count += 1.0;
+        }
+        (count > 0.0).then(|| f64::sqrt(sum / count))
+    }
 }
 
 /// The norm of the spatial filter far from every border: the factor by which it reduces the root mean square of errors that are independent from
@@ -155,11 +178,43 @@ mod tests {
     fn an_offset_is_not_noise_even_beside_the_sky() {
         let size = [50, 40];
         let error: Vec<_> = (0..2000).map(|i| (i % 50 > 7 + i / 50).then_some(0.25)).collect();
-        let out = filtered(size, &error, 67.0);
+        let mut filter = Filter::new(size, 67.0);
+        let out = filter.apply(&error);
         assert!(out.iter().zip(&error).all(|(o, e)| o.is_some() == e.is_some()));
         assert!(out.iter().flatten().all(|e| e.abs() < 1e-12));
-        assert_eq!(perceived_noise(size, &[[0.5, 0.0]; 2000], 67.0), None, "no terrain");
-        assert_eq!(perceived_noise([1, 1], &[[0.5, 1.0]], 67.0), Some(0.0), "one pixel");
+        assert_eq!(filter.perceived_noise(&[[0.5, 0.0]; 2000]), None, "no terrain");
+        assert_eq!(Filter::new([1, 1], 67.0).perceived_noise(&[[0.5, 1.0]]), Some(0.0), "one pixel");
+        assert_eq!(Filter::new([0, 3], 67.0).perceived_noise(&[]), None, "no pixel");
+    }
+
+    #[test]
+    fn the_filter_is_the_difference_of_two_means_over_terrain() {
+        // The size is no multiple of the block, and the picture is smaller than the reach of the wide Gaussian (23 pixels).
+        let size = [37, 19];
+        let mut filter = Filter::new(size.map(|n| n as u32), 67.0);
+        // The second picture has the terrain of the first one, the third has other terrain.
+        for (field, shift) in [(0, 0), (1, 0), (2, 5)] {
+            let error: Vec<_> = (0..size[0] * size[1]).map(|i| ((i + shift) % 11 > 2).then(|| white(i, field))).collect();
+            let mean = |at: usize, degrees: f64| {
+                let weights = gaussian(degrees * 67.0);
+                let weight = |a: usize, b: usize| weights.get(a.abs_diff(b)).copied().unwrap_or(0.0);
+                let (mut sum, mut all) = (0.0, 0.0);
+                for (i, e) in error.iter().enumerate() {
+                    if let Some(e) = e {
+                        let w = weight(i % size[0], at % size[0]) * weight(i / size[0], at / size[0]);
+                        (sum, all) = (sum + w * e, all + w);
+                    }
+                }
+                sum / all
+            };
+            let expected: Vec<_> =
+                error.iter().enumerate().map(|(at, e)| e.map(|_| mean(at, CENTRE_DEG) - mean(at, SURROUND_DEG))).collect();
+            let equal = |a: Option<f64>, b: Option<f64>| match (a, b) {
+                (Some(a), Some(b)) => (a - b).abs() < 1e-12,
+                (a, b) => a == b,
+            };
+            assert!(filter.apply(&error).into_iter().zip(expected).all(|(a, b)| equal(a, b)), "field {field}");
+        }
     }
 
     #[test]
@@ -168,9 +223,10 @@ mod tests {
         for pixels_per_degree in [20.0, 67.0] {
             let inside = |i: &usize| (60..340).contains(&(i % 400)) && (60..240).contains(&(i / 400));
             let (mut sum, mut count) = (0.0, 0.0);
+            let mut filter = Filter::new(size, pixels_per_degree);
             for field in 0..8 {
                 let error: Vec<_> = (0..120_000).map(|i| Some(white(i, field))).collect();
-                let out = filtered(size, &error, pixels_per_degree);
+                let out = filter.apply(&error);
                 for i in (0..120_000).filter(inside) {
                     (sum, count) = (sum + out[i].unwrap_or(f64::NAN).powi(2), count + 1.0);
                 }
@@ -192,7 +248,7 @@ mod tests {
         let size = [800, 1];
         let response = |f: f64| {
             let error: Vec<_> = (0..800).map(|i| Some((std::f64::consts::TAU * f / ppd * f64::from(i)).sin())).collect();
-            let out = filtered(size, &error, ppd);
+            let out = Filter::new(size, ppd).apply(&error);
             let (sum, n) = (200..600).fold((0.0, 0.0), |(s, n), i| (s + out[i].unwrap_or(f64::NAN).powi(2), n + 1.0));
             (2.0 * sum / n).sqrt()
         };
