@@ -57,7 +57,7 @@ const KERNELS: &Floors = &[
     &["terrain"], // terrain data on the device, which several stages use
     &["stage"],   // what a stage declares
     &["geometry"],
-    &["virtual_texture", "classification", "motion"],
+    &["virtual_texture", "classification", "motion", "occlusion"],
     &["shading", "temporal"],
     &["lighting", "metrics", "inspect"],
     &["display"],

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3};
+use kernels::culling::Culls;
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::geometry::{STITCH_WGSL, reference};
@@ -17,13 +18,14 @@ use kernels::probe::table;
 use kernels::scene::Scene;
 use kernels::shading::Estimator;
 use kernels::shared::flavour_weights::{self, FlavourParams};
+use kernels::shared::hash;
 use kernels::terrain::reference::{Ground, Spot};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
 use kernels::world::World;
 
-use crate::fixtures::{Folder, SIZE, gpu, island, request, second_renderer, terrain};
+use crate::fixtures::{Folder, SIZE, gpu, island, pose, request, second_renderer, terrain};
 use crate::shading::{self, Seen};
 
 /// Returns rows for the test. Each row contains the index of a vertex and the deltas of its node. A delta is the number of levels by which the
@@ -137,6 +139,52 @@ fn mask_and_shading_normal_equal_their_references() {
 /// Limits of the median difference between the stored shading normal and its reference, radians, for each encoding. A software adapter filters
 /// textures with 8 bits. The first two encodings round the shading normal to 8 + 8 bits, which are steps of about 0.012 radians.
 const NORMAL_LIMITS: [f64; 3] = [0.01, 0.01, 0.005];
+
+/// The bytes of depth, mask and normals of a frame, and the number of patches drawn.
+fn geometry_of(renderer: &mut Renderer<'_>, request: &RenderRequest, culls: Culls) -> ([Vec<u8>; 3], usize) {
+    let frame = renderer.draw(&request.with(|r| r.geometry.culls = culls)).expect("draws");
+    let targets = &frame.targets().geometry;
+    let read = |texture, aspect, bytes| read_texture(gpu(), texture, aspect, bytes).expect("the device works");
+    let all = wgpu::TextureAspect::All;
+    let depth = read(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly, 4);
+    ([depth, read(&targets.mask, all, 1), read(&targets.normals, all, 4)], frame.report().patches)
+}
+
+#[test]
+fn culling_changes_no_pixel() {
+    let mut renderer = second_renderer();
+    let random = |case: u32, number: u32, low: f64, high: f64| {
+        let word = hash::pcg4d([case, number, 2018, 7])[0];
+        low + (high - low) * f64::from(word) / 4_294_967_296.0
+    };
+    let cameras: Vec<String> = renderer.scene().cameras.iter().map(|camera| camera.name.clone()).collect();
+    let mut poses: Vec<Pose> = cameras.iter().map(|camera| pose(&renderer, camera)).collect();
+    for case in 0..40 {
+        let [x, y] = [0, 1].map(|axis| random(case, axis, -800.0, 800.0));
+        // From 0.1 m to 300 m above the ground: hills hide more from low cameras.
+        let position = DVec3::new(x, y, renderer.ground_m(x, y) + 0.1 * random(case, 2, 0.0, 8.0).exp());
+        let [yaw, pitch, fov] = [(3, 0.0, 6.3), (4, -0.7, 0.4), (5, 0.3, 1.6)].map(|(number, low, high)| random(case, number, low, high));
+        poses.push(Pose { position, yaw, pitch, fov });
+    }
+    let mut drawn = [0; 2];
+    for (case, pose) in poses.into_iter().enumerate() {
+        let request = RenderRequest::new(pose, [[93, 61], [64, 128]][case % 2]).with(|r| {
+            r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+            r.outputs.lit = false;
+            r.geometry.vertex_stride = [1, 1, 4, 2][case % 4];
+            r.view.jitter = [0.25 * (case % 3) as f64, 0.0];
+        });
+        let (expected, all) = geometry_of(&mut renderer, &request, Culls::FRUSTUM);
+        let (found, left) = geometry_of(&mut renderer, &request, Culls::ALL);
+        for ((found, expected), name) in found.iter().zip(&expected).zip(["depth", "mask", "normals"]) {
+            let wrong = found.iter().zip(expected).filter(|(a, b)| a != b).count();
+            assert_eq!(wrong, 0, "case {case}, {pose:?}: {wrong} of {} bytes of {name} differ", expected.len());
+        }
+        drawn = [drawn[0] + all, drawn[1] + left];
+    }
+    println!("{} of {} patches are drawn", drawn[1], drawn[0]);
+    assert!(drawn[1] < drawn[0], "culling removes nothing");
+}
 
 /// A request for a picture straight down from 6 m above the ground at a position: about 10 m x 7 m of ground. North is at the top of the picture.
 fn from_above(world: &World, x: f64, y: f64) -> RenderRequest {

@@ -5,13 +5,14 @@ use std::mem::offset_of;
 use kernels::base::wgsl::{self, Piece};
 use kernels::classification;
 use kernels::composition::CompositionStream;
-use kernels::culling::Patch;
+use kernels::culling::{Patch, PatchBox};
 use kernels::display::DisplayUniforms;
 use kernels::inspect::Inspected;
 use kernels::materials::PaletteEntry;
 use kernels::metrics;
 use kernels::metrics::{MeasureFrame, MeasureTile, SeedFrame};
 use kernels::motion::{self, MotionFrame};
+use kernels::occlusion::OcclusionPhase;
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::motion::MotionPast;
 use kernels::temporal::TemporalFrame;
@@ -180,6 +181,8 @@ fn pairs() -> Vec<(&'static str, Layout)> {
             "MeasureFrame",
             host!(MeasureFrame { size, tiles, slot, lags, quarter, referenced, past_slots, memory_slot, memory_before, adaptation, pad_0 }),
         ),
+        ("OcclusionPhase", host!(OcclusionPhase { first, count, instances, pad_0 })),
+        ("OcclusionBox", host!(PatchBox { low, pad_0, high, pad_1 })),
         (
             "MeasureTile",
             host!(MeasureTile {

@@ -125,7 +125,9 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     let mut stage = cheap_stage();
     let drawn = |stage: &mut Stage| {
         let shown = shown(stage);
-        (shown.picture.report.drawn.clone(), shown.picture.report.patches)
+        // Hidden patches are only removed while culling is not frozen.
+        let report = &shown.picture.report;
+        (report.drawn.clone(), report.patches + report.culled.hidden)
     };
     let start = pose(&mut stage);
     let away = Pose { yaw: (start.yaw + PI).rem_euclid(TAU), ..start };

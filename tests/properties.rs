@@ -8,10 +8,10 @@ use glam::{DVec2, DVec3, DVec4};
 use kernels::base::names::nearest;
 use kernels::blocks;
 use kernels::blocks::{BlockFormat, Effort};
-use kernels::culling;
+use kernels::culling::{self, Conditions, Culls, DrawnNode};
 use kernels::decode::heightmap::Heightmap;
 use kernels::geometry::reference as geometry;
-use kernels::quadtree::{self, NodeBounds};
+use kernels::quadtree::{self, NodeBounds, PatchBounds};
 use kernels::scene::{CameraPath, CameraPose, FlavourRules};
 use kernels::shading::Estimator;
 use kernels::shared::culling as seen;
@@ -27,7 +27,8 @@ use kernels::shared::{
 };
 use kernels::variant::Variant;
 use kernels::view::camera::{NEAR_M, Pose, View, along};
-use kernels::world::{Layout, NodeId, SECTORS, cones};
+use kernels::world::cones::{self, Cone};
+use kernels::world::{Layout, NodeId, SECTORS};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
@@ -1064,7 +1065,11 @@ proptest! {
         let local = frozen.camera + offset;
         prop_assert!((low - 1e-6).cmple(local).all() && local.cmple(high + 1e-6).all());
         let map = quadtree::lod_map(&[node]);
-        let patches = culling::cull(&[(node, 3, bounds)], &map, &layout, [&view, &frozen], 1);
+        let cone = Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 1.0 };
+        let own = [PatchBounds { height_m: bounds.height_m, cone }; 64];
+        let drawn = DrawnNode { node, slot: 3, bounds, patches: &own };
+        let conditions = Conditions { layout: &layout, lod_map: &map, rounding_m: 0.0, stride: 1, culls: Culls::ALL };
+        let patches = culling::cull(&[drawn], [&view, &frozen], conditions).patches;
         let within = (place.truncate() - node.origin_m(&layout)) / layout.node_m(lod) * f64::from(culling::PATCHES);
         let wanted = [within.x, within.y].map(|v| (v as u32).min(culling::PATCHES - 1));
         // If the point lies on the border of two patches, rounding decides which of them contains it.

@@ -33,6 +33,7 @@ pub mod lighting;
 pub mod materials;
 pub mod metrics;
 pub mod motion;
+pub mod occlusion;
 pub mod oracle;
 pub mod probe;
 pub mod quadtree;

@@ -1,13 +1,13 @@
 //! Tests host code that determines what is drawn for a camera, without a device: the selection and culling of nodes, settings in the form in which
 //! shaders read them, stored normals, and compressed blocks.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use kernels::blocks::{self, BlockFormat, Effort};
-use kernels::culling::{self, PATCHES};
-use kernels::quadtree::{self, NodeBounds};
+use kernels::culling::{self, Conditions, Culled, Culls, DrawnNode, PATCHES};
+use kernels::quadtree::{self, NodeBounds, PatchBounds};
 use kernels::scene::{self, FlavourRules};
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::normal_pair;
@@ -15,7 +15,8 @@ use kernels::shared::octahedral;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::{Pose, View};
 use kernels::view::normals::NormalEncoding;
-use kernels::world::{Layout, NodeId, World};
+use kernels::world::cones::{self, Cone};
+use kernels::world::{Layout, NodeId, PaletteMeans, World};
 
 use crate::statistics::Random;
 
@@ -129,20 +130,108 @@ fn exactly_the_patches_in_view_are_drawn() {
         let eye = corner + DVec2::new(random.between(-0.5, 1.5), random.between(-0.5, 1.5)) * edge;
         let view = view_of([eye.x, eye.y, 120.0], random.between(0.0, 6.3), random.between(-1.2, 0.2), 0.7, [96, 64]);
         let bounds = NodeBounds { height_m: [10.0, 60.0] };
-        let found = culling::cull(&[(node, 7, bounds)], &quadtree::lod_map(&[node]), &layout, [&view, &view], 1);
-        let found: BTreeSet<[u32; 2]> = found.iter().map(|patch| patch.patch).collect();
-        let node_is_seen = sees(&view, corner.extend(10.0), (corner + edge).extend(60.0));
-        for column in 0..PATCHES {
-            for row in 0..PATCHES {
-                let low = corner + DVec2::new(f64::from(column), f64::from(row)) * (edge / 8.0);
-                let is_seen = node_is_seen && sees(&view, low.extend(10.0), (low + edge / 8.0).extend(60.0));
-                assert_eq!(found.contains(&[column, row]), is_seen, "{node:?}, patch {column} {row}");
-                drawn += usize::from(is_seen);
-                dropped += usize::from(!is_seen);
+        let patches: Vec<PatchBounds> = (0..64)
+            .map(|_| {
+                let low = random.between(10.0, 50.0);
+                PatchBounds { height_m: [low, random.between(low, 60.0)], ..flat() }
+            })
+            .collect();
+        for patch_heights in [false, true] {
+            let culls = Culls { patch_heights, back_faces: false, nearest_first: true, occlusion: true };
+            let culled = cull(&layout, &[node], bounds, &patches, &view, 1, culls);
+            let found: BTreeSet<[u32; 2]> = culled.patches.iter().map(|patch| patch.patch).collect();
+            assert_eq!((found.len() + culled.counts.outside, culled.counts.facing_away), (64, 0));
+            let node_is_seen = sees(&view, corner.extend(10.0), (corner + edge).extend(60.0));
+            let mut distances = BTreeMap::new();
+            for column in 0..PATCHES {
+                for row in 0..PATCHES {
+                    let low = corner + DVec2::new(f64::from(column), f64::from(row)) * (edge / 8.0);
+                    let heights = if patch_heights { patches[(row * 8 + column) as usize].height_m } else { [10.0, 60.0] };
+                    let [low, high] = [low.extend(heights[0]), (low + edge / 8.0).extend(heights[1])];
+                    let is_seen = node_is_seen && sees(&view, low, high);
+                    assert_eq!(found.contains(&[column, row]), is_seen, "{node:?}, patch {column} {row}");
+                    distances.insert([column, row], view.pose.position.distance(view.pose.position.clamp(low, high)));
+                    if patch_heights {
+                        drawn += usize::from(is_seen);
+                        dropped += usize::from(!is_seen);
+                    }
+                }
             }
+            // The nearest patches are drawn first.
+            assert!(culled.patches.iter().map(|patch| distances[&patch.patch]).is_sorted_by(|a, b| *a <= b + 1e-9));
         }
     }
-    assert!(drawn > 300 && dropped > 300, "{drawn} {dropped}");
+    assert!(drawn > 200 && dropped > 300, "{drawn} {dropped}");
+}
+
+/// The bounds of a horizontal patch.
+fn flat() -> PatchBounds {
+    PatchBounds { height_m: [10.0, 60.0], cone: Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 0.0 } }
+}
+
+/// Culls the patches of the first node. All nodes are in the LOD map.
+fn cull(layout: &Layout, nodes: &[NodeId], bounds: NodeBounds, patches: &[PatchBounds], view: &View, stride: u32, culls: Culls) -> Culled {
+    let drawn = DrawnNode { node: nodes[0], slot: 7, bounds, patches };
+    let conditions = Conditions { layout, lod_map: &quadtree::lod_map(nodes), rounding_m: 0.0, stride, culls };
+    culling::cull(&[drawn], [view, view], conditions)
+}
+
+#[test]
+fn patches_that_face_away_are_dropped_unless_other_triangles_are_drawn() {
+    let layout = Layout::of(10_240.0, None);
+    let node = NodeId { lod: 1, x: 20, y: 19 };
+    let corner = node.origin_m(&layout);
+    // The camera is south of the node and looks north. The ground rises by 45 degrees to the north, then falls steeply.
+    let view = view_of([corner.x + 64.0, corner.y - 40.0, 30.0], 0.0, 0.0, 1.2, [96, 64]);
+    let cone = |slope: f64, sin_half_angle: f64| Cone { axis: [0.0, slope.sin(), slope.cos()], sin_half_angle };
+    let [to_camera, away] = [cone(-0.8, 0.1), cone(1.3, 0.1)];
+    let patches: Vec<PatchBounds> =
+        (0..64).map(|i| PatchBounds { height_m: [20.0, 40.0], cone: if i < 32 { to_camera } else { away } }).collect();
+    let bounds = NodeBounds { height_m: [20.0, 40.0] };
+    let count = |nodes: &[NodeId], patches: &[PatchBounds], stride, back_faces| {
+        let culled = cull(&layout, nodes, bounds, patches, &view, stride, Culls { back_faces, ..Culls::ALL });
+        (culled.counts.facing_away, culled.patches.iter().filter(|patch| patch.patch[1] >= 4).count())
+    };
+    let (facing_away, left) = count(&[node], &patches, 1, true);
+    assert!(facing_away > 20 && left == 0, "{facing_away} {left}");
+    assert_eq!(count(&[node], &patches, 1, false), (0, facing_away));
+    // With a vertex stride, other triangles are drawn than those of the cone.
+    assert_eq!(count(&[node], &patches, 2, true), (0, facing_away));
+    // Patches that are stitched to a coarser neighbour in the north also have other triangles: the last of four rows.
+    let neighbour = NodeId { lod: 3, x: 5, y: 5 };
+    assert_eq!(neighbour.origin_m(&layout).y, corner.y + layout.node_m(1), "the neighbour begins where the node ends");
+    let (stitched, left) = count(&[node, neighbour], &patches, 1, true);
+    assert!(left > 4 && stitched + left == facing_away, "{stitched} {left}");
+    // A cone of all directions is never culled.
+    let any: Vec<_> = patches.iter().map(|patch| PatchBounds { cone: Cone { sin_half_angle: 1.0, ..patch.cone }, ..*patch }).collect();
+    assert_eq!(count(&[node], &any, 1, true), (0, facing_away));
+}
+
+#[test]
+fn the_bounds_of_a_patch_hold_its_vertices() {
+    let scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
+    let world = World::new(&scene).expect("a procedural world needs no files");
+    let means = PaletteMeans {
+        albedo: vec![[0.5; 3]; scene.materials.len()],
+        smoothness: vec![0.5; scene.materials.len()],
+        specular_occlusion: vec![1.0; scene.materials.len()],
+    };
+    let nodes = [NodeId { lod: 0, x: 80, y: 80 }, NodeId { lod: 3, x: 9, y: 11 }];
+    for baked in world.bake_many(&nodes, &means, || ()) {
+        let payload = baked.payload;
+        let bounds = PatchBounds::of(&world, &payload);
+        assert_eq!(bounds.len(), 64);
+        for (index, patch) in bounds.iter().enumerate() {
+            let (column, row) = (index % 8, index / 8);
+            let heights: Vec<f64> =
+                (0..17 * 17).map(|i| world.elevation_m(payload.height[(16 * row + i / 17) * 129 + 16 * column + i % 17])).collect();
+            let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|of| heights.iter().copied().reduce(of).expect("vertices"));
+            assert_eq!(patch.height_m, ends, "{:?}, patch {index}", payload.id);
+        }
+        // The patches differ, so the order of the cones and of the heights matters.
+        assert!(bounds.iter().any(|patch| patch.height_m != bounds[0].height_m));
+        assert_eq!(bounds.iter().map(|patch| patch.cone).collect::<Vec<_>>(), cones::decode(&payload.cones));
+    }
 }
 
 #[test]
@@ -155,7 +244,10 @@ fn a_patch_whose_stitches_reach_out_is_drawn_with_its_node() {
     // The camera looks west from the middle of the node, away from its eastern border.
     let view = view_of([corner.x + 32.0, corner.y + 32.0, 30.0], -std::f64::consts::FRAC_PI_2, 0.0, 0.7, [96, 64]);
     let of = |map: &[u8], stride| {
-        let patches = culling::cull(&[(node, 7, NodeBounds { height_m: [10.0, 60.0] })], map, &layout, [&view, &view], stride);
+        let drawn = DrawnNode { node, slot: 7, bounds: NodeBounds { height_m: [10.0, 60.0] }, patches: &[flat(); 64] };
+        let conditions = Conditions { layout: &layout, lod_map: map, rounding_m: 0.0, stride, culls: Culls::ALL };
+        let mut patches = culling::cull(&[drawn], [&view, &view], conditions).patches;
+        patches.sort_by_key(|patch| patch.patch[1]);
         patches.iter().filter(|patch| patch.patch[0] == 7).map(|patch| (patch.patch[1], patch.deltas)).collect::<Vec<_>>()
     };
     assert_eq!(of(&map, 1), (0..8).map(|row| (row, 5 << 8)).collect::<Vec<_>>());

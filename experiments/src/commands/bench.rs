@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use kernels::base::files::write_whole;
 use kernels::base::progress::Progress;
 use kernels::composition::{Destination, Layers};
+use kernels::culling::Culls;
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
@@ -46,10 +47,32 @@ const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
 
-/// The choices of variants that are timed, with their names. The first one is `auto`.
-fn choices() -> Vec<(&'static str, VariantChoice)> {
+/// The name of the candidate of which every patch in the frustum is drawn, tested with the heights of its node.
+const FRUSTUM_ONLY: &str = "frustum only";
+/// The sum of the device times of the passes of geometry and occlusion culling.
+const GEOMETRY: &str = "geometry and occlusion";
+
+/// A way to draw the frame that is timed.
+struct Candidate {
+    name: &'static str,
+    variant: VariantChoice,
+    culls: Culls,
+}
+
+/// The ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants leave out one or all tests of culling.
+fn candidates() -> Vec<Candidate> {
+    let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL };
+    let without = |name, culls| Candidate { name, variant: VariantChoice::Auto, culls };
+    let variants = [(AUTO, VariantChoice::Auto), (GENERIC, VariantChoice::GenericAuto)].into_iter();
     let flavours = Flavour::ALL.map(|flavour| (flavour.name(), VariantChoice::Forced(Variant::only(flavour))));
-    [(AUTO, VariantChoice::Auto), (GENERIC, VariantChoice::GenericAuto)].into_iter().chain(flavours).collect()
+    let culls = [
+        without(FRUSTUM_ONLY, Culls::FRUSTUM),
+        without("node heights", Culls { patch_heights: false, ..Culls::ALL }),
+        without("back faces", Culls { back_faces: false, ..Culls::ALL }),
+        without("no occlusion", Culls { occlusion: false, ..Culls::ALL }),
+        without("any order", Culls { nearest_first: false, ..Culls::ALL }),
+    ];
+    variants.chain(flavours).map(of).chain(culls).collect()
 }
 
 /// A ratio of two times that is printed.
@@ -78,11 +101,21 @@ const fn share(name: &'static str, words: &'static str, of: &'static str, over: 
     Ratio { name, words, of: (AUTO, of), over: (AUTO, over), target, is_share: true }
 }
 
-static RATIOS: [Ratio; 7] = [
+/// Returns the ratio of the geometry times of `auto` and of a candidate with fewer tests of culling.
+const fn geometry(name: &'static str, words: &'static str, over: &'static str, target: &'static str) -> Ratio {
+    Ratio { name, words, of: (AUTO, GEOMETRY), over: (over, GEOMETRY), target, is_share: false }
+}
+
+static RATIOS: [Ratio; 12] = [
     shading("splat_over_auto", "full splat / auto, shading", "splat", AUTO, "3"),
     shading("generic_over_auto", "generic kernel / auto, shading", GENERIC, AUTO, "above 1"),
     shading("splat_over_far_cliff", "full splat / far cliff, same pixels", "splat", "far-cliff", "3"),
     shading("splat_over_near_cliff", "full splat / near cliff, same pixels", "splat", "near-cliff", "2"),
+    geometry("geometry_over_frustum_only", "geometry, all culling / frustum only", FRUSTUM_ONLY, "at most 0.5"),
+    geometry("geometry_over_node_heights", "geometry, all culling / without patch heights", "node heights", "below 1"),
+    geometry("geometry_over_back_faces", "geometry, all culling / without cones", "back faces", "below 1"),
+    geometry("geometry_over_no_occlusion", "geometry, all culling / without occlusion", "no occlusion", "below 1"),
+    geometry("geometry_over_any_order", "geometry, all culling / not nearest first", "any order", "below 1"),
     share("classification_share", "classification, share of the frame", "classification", ALL_PASSES, "below 10 %"),
     share("reading_share", "reading back / rendering a frame, wall clock", READING, FRAME, "below 5 %"),
     share("measuring_share", "measuring / rendering a frame, wall clock", MEASURING, FRAME, "below 12 %"),
@@ -95,7 +128,7 @@ impl Ratio {
 
     /// Returns the keys of the two times; `None` if a choice has an unknown name. Only `auto`, the first choice, has times of the wall clock.
     fn keys(&self) -> Option<[Key<'static>; 2]> {
-        let key = |(name, pass): (&'static str, &'static str)| Some((choices().iter().position(|(other, _)| *other == name)?, pass));
+        let key = |(name, pass): (&'static str, &'static str)| Some((candidates().iter().position(|other| other.name == name)?, pass));
         Some([key(self.of)?, key(self.over)?])
     }
 }
@@ -109,7 +142,7 @@ fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
 /// The times that were measured with one camera of the scene.
 struct Measured {
     camera: String,
-    /// Device times. The candidates are the [`choices`].
+    /// Device times. The candidates are the [`candidates`].
     device: Samples,
     /// Wall-clock times of the choice `auto`.
     wall: Samples,
@@ -166,19 +199,21 @@ fn measure(
 
 /// Measures the device times of all passes of each choice. The ratios of shading times decide how many rounds are drawn.
 fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
-    let choices = choices();
+    let candidates = candidates();
     let wanted = wanted(|ratio| !ratio.is_share);
-    measure(choices.len(), &wanted, args, step, &mut |turn| {
+    measure(candidates.len(), &wanted, args, step, &mut |turn| {
         check_interrupted()?;
-        let request = RenderRequest::new(pose, args.size).with(|r| r.shading.variant = choices[turn.candidate].1);
+        let Candidate { variant, culls, .. } = candidates[turn.candidate];
+        let request = RenderRequest::new(pose, args.size).with(|r| (r.shading.variant, r.geometry.culls) = (variant, culls));
         let passes = renderer.draw(&request)?.into_report().passes;
         if passes.is_empty() {
             return Ok(Vec::new());
         }
         let timed = |pass: String, ms: f64| Timed { candidate: turn.candidate, pass, ms };
         let sum = passes.iter().map(|pass| pass.time_ms).sum();
+        let geometry = passes.iter().filter(|pass| ["geometry", "occlusion"].contains(&pass.name.as_str())).map(|pass| pass.time_ms).sum();
         let all = passes.into_iter().map(|pass| timed(pass.name, pass.time_ms));
-        Ok(all.chain([timed(ALL_PASSES.to_owned(), sum)]).collect())
+        Ok(all.chain([timed(GEOMETRY.to_owned(), geometry), timed(ALL_PASSES.to_owned(), sum)]).collect())
     })
 }
 
@@ -356,10 +391,10 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<
         "value",
         "standard_error",
     ])?;
-    let choices = choices();
+    let candidates = candidates();
     for Measured { camera, device, wall } in all {
         let mut put = |(candidate, pass): Key<'_>, metric: &str, unit: &str, found: Option<Estimate>| -> Result<()> {
-            let (Some(found), Some((variant, _))) = (found, choices.get(candidate)) else { return Ok(()) };
+            let (Some(found), Some(Candidate { name: variant, .. })) = (found, candidates.get(candidate)) else { return Ok(()) };
             let software = gpu.is_software().to_string();
             let [width, height] = args.size.map(|n| n.to_string());
             let error = found.standard_error().map_or_else(String::new, |error| format!("{error:.6}"));
@@ -367,10 +402,15 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<
             let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height];
             Ok(csv.write_record(place.into_iter().chain([*variant, pass, metric, unit, &value, &error]))?)
         };
-        for key in device.keys().filter(|(_, pass)| *pass != ALL_PASSES) {
+        for key in device.keys().filter(|(candidate, pass)| candidates[*candidate].culls == Culls::ALL && *pass != ALL_PASSES) {
             put(key, metrics::TIME, "ms", device.time(key))?;
             if key.1 == SHADING_PASS {
                 put(key, metrics::TIME_RATIO, "1", device.ratio(key, (0, SHADING_PASS)))?;
+            }
+        }
+        for ratio in RATIOS.iter().filter(|ratio| ratio.of.1 == GEOMETRY) {
+            if let Some([of, over]) = ratio.keys() {
+                put(of, ratio.name, "1", device.ratio(of, over))?;
             }
         }
         for key in wall.keys() {
@@ -396,7 +436,7 @@ mod tests {
             assert_eq!(is_wall_clock(ratio.of.1), is_wall_clock(ratio.over.1), "{}", ratio.name);
             assert!(!ratio.is_wall_clock() || ratio.keys().is_some_and(|keys| keys.iter().all(|(candidate, _)| *candidate == 0)));
         }
-        assert_eq!(choices()[0].0, AUTO);
+        assert_eq!(candidates()[0].name, AUTO);
         assert_eq!(wanted(|ratio| !ratio.is_share).len() + wanted(Ratio::is_wall_clock).len(), 6);
     }
 

@@ -1,16 +1,15 @@
-//! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops the patches outside the frustum, and packs LOD deltas for stitching.
+//! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops patches that cannot be visible, and packs LOD deltas for stitching.
 //!
-//! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions"; rulings 3 and 8 in `ARCHITECTURE.md`.
+//! A patch is dropped if the box around its vertices is outside the frustum, or if all its triangles face away from the camera. The remaining patches
+//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. No test changes a pixel.
+//! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
 //! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
-//!
-//! Limits: culling tests only the frustum. `shared::culling` also has functions that test normal cones and occlusion. They are intended for culling
-//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid. If a depth
-//! pyramid is added, its levels must have the sizes of [`crate::shared::culling::level_size`]. Otherwise, visible patches are culled.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use crate::quadtree::{NodeBounds, local_box};
+use crate::quadtree::{NodeBounds, PatchBounds, local_box};
+use crate::shared::culling;
 use crate::view::camera::View;
 use crate::world::{Layout, NodeId, SECTORS};
 
@@ -65,39 +64,156 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -
         | side(patch[0] == 0, x - 1, y)
 }
 
-/// Returns those patches of the drawn nodes that may be visible from `eye`, in the order of the nodes. The field `node_origin` of a patch
-/// is in the local coordinates of `view`. The two views are equal unless culling is frozen. `drawn`: the nodes to draw, each with its atlas slot and
-/// its bounds. `stride`: a power of two, see [`pack_deltas`].
+/// A node to draw.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawnNode<'a> {
+    /// The node.
+    pub node: NodeId,
+    /// Its atlas slot.
+    pub slot: u32,
+    /// Its bounds.
+    pub bounds: NodeBounds,
+    /// The bounds of its 8 x 8 patches, row by row from the south-west corner.
+    pub patches: &'a [PatchBounds],
+}
+
+/// Which tests remove patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "each test can be switched off alone, so that its use can be measured")]
+pub struct Culls {
+    /// Whether a patch is tested against the frustum with its own range of heights. If not, the range of its node is used.
+    pub patch_heights: bool,
+    /// Whether patches are removed if all their triangles face away from the camera.
+    pub back_faces: bool,
+    /// Whether the nearest patches are drawn first, so that the device rejects hidden pixels before it shades them.
+    pub nearest_first: bool,
+    /// Whether patches are removed if nearer patches hide them. It only has an effect with `nearest_first`.
+    pub occlusion: bool,
+}
+
+impl Culls {
+    /// All tests.
+    pub const ALL: Culls = Culls { patch_heights: true, back_faces: true, nearest_first: true, occlusion: true };
+    /// Whether hidden patches are removed.
+    pub fn hides(self) -> bool {
+        self.occlusion && self.nearest_first
+    }
+
+    /// Only the frustum, with the range of heights of a node.
+    pub const FRUSTUM: Culls = Culls { patch_heights: false, back_faces: false, nearest_first: false, occlusion: false };
+}
+
+/// The conditions under which patches are culled.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions<'a> {
+    /// The nodes of the world.
+    pub layout: &'a Layout,
+    /// The LOD drawn in each sector, see [`lod_map`](crate::quadtree::lod_map).
+    pub lod_map: &'a [u8],
+    /// Bound on the rounding error of the elevation of a vertex on the device, metres ([`World::elevation_rounding_m`](crate::world::World::elevation_rounding_m)).
+    pub rounding_m: f64,
+    /// The vertex stride, a power of two, see [`pack_deltas`].
+    pub stride: u32,
+    /// The tests.
+    pub culls: Culls,
+}
+
+/// Encloses the vertices of a patch as the device computes them, in local coordinates, metres; the layout matches `OcclusionBox` in
+/// `occlusion/cull.wgsl`. Infinite if stitching may move vertices out of the patch.
+#[allow(missing_docs, reason = "low and high corner, and padding")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct PatchBox {
+    pub low: [f32; 3],
+    pub pad_0: f32,
+    pub high: [f32; 3],
+    pub pad_1: f32,
+}
+
+impl PatchBox {
+    #[allow(clippy::cast_possible_truncation, reason = "x and y are exact in f32, and the margin of z covers its rounding")]
+    fn of([low, high]: [DVec3; 2]) -> PatchBox {
+        PatchBox { low: low.as_vec3().to_array(), pad_0: 0.0, high: high.as_vec3().to_array(), pad_1: 0.0 }
+    }
+}
+
+/// The patches to draw, and how many were removed by which test.
+#[derive(Clone, Debug, Default)]
+pub struct Culled {
+    /// The patches to draw, in the order of drawing.
+    pub patches: Vec<Patch>,
+    /// Their boxes, in the same order.
+    pub boxes: Vec<PatchBox>,
+    /// How many were removed.
+    pub counts: CullCounts,
+}
+
+/// How many patches were removed by which test. A patch counts for the first test that removes it, in the order of the fields.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CullCounts {
+    /// Patches outside the frustum.
+    pub outside: usize,
+    /// Patches of which all triangles face away from the camera.
+    pub facing_away: usize,
+    /// Patches that nearer patches hide.
+    pub hidden: usize,
+}
+
+/// Returns those patches of the drawn nodes that may be visible from `eye`. The field `node_origin` of a patch is in the local coordinates of `view`.
+/// The two views are equal unless culling is frozen.
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
-pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
-    let mut patches = Vec::new();
-    for &(node, slot, bounds) in drawn {
+pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Conditions<'_>) -> Culled {
+    let Conditions { layout, lod_map, rounding_m, stride, culls } = conditions;
+    let margin = DVec3::new(0.0, 0.0, rounding_m);
+    let mut culled = Culled::default();
+    let mut found: Vec<(f64, Patch, PatchBox)> = Vec::new();
+    for &DrawnNode { node, slot, bounds, patches } in nodes {
         let (low, high) = local_box(node, bounds, layout, eye);
-        if !eye.sees(low, high) {
+        if !eye.sees(low - margin, high + margin) {
+            culled.counts.outside += (PATCHES * PATCHES) as usize;
             continue;
         }
         let (origin, _) = local_box(node, bounds, layout, view);
         let patch_m = layout.node_m(node.lod) / f64::from(PATCHES);
-        for row in 0..PATCHES {
-            for column in 0..PATCHES {
-                let corner = low + DVec3::new(f64::from(column), f64::from(row), 0.0) * patch_m;
-                let opposite = (corner.truncate() + patch_m).extend(high.z);
-                let deltas = pack_deltas(node, [column, row], lod_map, stride);
-                // If the vertices of a coarser neighbour are farther apart than the edge of a patch, stitching draws triangles outside the box of the
-                // patch. Such a patch is drawn whenever its node is visible.
-                let reaches_out = (0..4).any(|side| (deltas >> (4 * side)) & 15 > PATCH_QUADS.ilog2());
-                if reaches_out || eye.sees(corner, opposite) {
-                    patches.push(Patch {
-                        node_origin: [origin.x as f32, origin.y as f32],
-                        spacing: (patch_m / f64::from(PATCH_QUADS)) as f32,
-                        slot,
-                        patch: [column, row],
-                        deltas,
-                        lod: u32::from(node.lod),
-                    });
-                }
+        for ((row, column), patch) in (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| (row, column))).zip(patches) {
+            let deltas = pack_deltas(node, [column, row], lod_map, stride);
+            // If the vertices of a coarser neighbour are farther apart than the edge of a patch, stitching draws triangles outside the box of the
+            // patch. Such a patch is drawn whenever its node is visible.
+            let reaches_out = (0..4).any(|side| (deltas >> (4 * side)) & 15 > PATCH_QUADS.ilog2());
+            let heights = if culls.patch_heights { patch.height_m } else { bounds.height_m };
+            let corner = low.truncate() + DVec2::new(f64::from(column), f64::from(row)) * patch_m;
+            let (corner, opposite) = (corner.extend(heights[0]) - margin, (corner + patch_m).extend(heights[1]) + margin);
+            if !reaches_out && !eye.sees(corner, opposite) {
+                culled.counts.outside += 1;
+                continue;
             }
+            // The cone holds for the triangles of the payload, which stitching and a vertex stride above 1 replace by others.
+            if culls.back_faces && deltas == 0 && stride == 1 && faces_away(patch, [corner, opposite], eye) {
+                culled.counts.facing_away += 1;
+                continue;
+            }
+            let patch = Patch {
+                node_origin: [origin.x as f32, origin.y as f32],
+                spacing: (patch_m / f64::from(PATCH_QUADS)) as f32,
+                slot,
+                patch: [column, row],
+                deltas,
+                lod: u32::from(node.lod),
+            };
+            let distance = eye.camera.distance_squared(eye.camera.clamp(corner, opposite));
+            let [low, high] = [DVec3::NEG_INFINITY, DVec3::INFINITY];
+            found.push((distance, patch, PatchBox::of(if reaches_out { [low, high] } else { [corner, opposite] })));
         }
     }
-    patches
+    if culls.nearest_first {
+        found.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
+    }
+    (culled.patches, culled.boxes) = found.into_iter().map(|(_, patch, bounds)| (patch, bounds)).unzip();
+    culled
+}
+
+/// Whether all triangles of a patch within a box face away from a camera.
+fn faces_away(patch: &PatchBounds, [low, high]: [DVec3; 2], eye: &View) -> bool {
+    let middle = (low + high) / 2.0;
+    culling::faces_away(patch.cone.axis, patch.cone.sin_half_angle, (middle - eye.camera).to_array(), middle.distance(high))
 }

@@ -8,7 +8,7 @@ use crate::base::progress::Progress;
 use crate::base::section::{Section, mebibytes, row};
 use crate::classification;
 use crate::composition::{Composition, Layers};
-use crate::culling::{self, Patch};
+use crate::culling::{self, Conditions, CullCounts, Culled, DrawnNode};
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
@@ -104,6 +104,7 @@ struct Drawn {
     visited: Vec<NodeId>,
     nodes: Vec<NodeId>,
     patches: usize,
+    culled: CullCounts,
 }
 
 impl<'a> Renderer<'a> {
@@ -251,16 +252,26 @@ impl<'a> Renderer<'a> {
         let key = request.geometry_key();
         // If the geometry is reused, no nodes are loaded.
         let mut loaded = 0;
-        let drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
+        let mut listed = None;
+        let mut drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
             Some(drawn) => drawn,
             None => {
                 // Stages `quadtree` and `residency`: select the nodes and load their payloads. Stage `culling`: select the patches.
                 let eye = request.geometry.culled_from.map_or(view, |pose| self.view(&request.with(|r| r.view.pose = pose)));
-                let (visited, nodes, patches) = self.visible_patches(request, &view, &eye)?;
+                let (visited, nodes, culled) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
                 // Stage `geometry`: write depth, stencil, mask and normals.
-                self.stages.geometry.encode(&mut rec, &patches, request.geometry.vertex_stride, &targets.geometry);
-                Drawn { key, visited, nodes, patches: patches.len() }
+                let hides = request.geometry.culls.hides() && request.geometry.culled_from.is_none();
+                let list = self.stages.geometry.list(gpu, &culled, hides, request.geometry.vertex_stride);
+                self.stages.geometry.encode(&mut rec, &list, 0, &targets.geometry);
+                // Stage `occlusion`: drop the patches that are hidden by what was drawn, phase by phase.
+                for phase in 1..list.phases.len() {
+                    self.stages.occlusion.encode(&mut rec, &targets.geometry, &targets.occlusion, &list, phase);
+                    self.stages.geometry.encode(&mut rec, &list, phase, &targets.geometry);
+                }
+                let drawn = Drawn { key, visited, nodes, patches: culled.patches.len(), culled: culled.counts };
+                listed = Some(list);
+                drawn
             }
         };
         // Stage `classification`: list the tiles of each variant. Stage `virtual_texture`: request the visible pages.
@@ -271,6 +282,11 @@ impl<'a> Renderer<'a> {
         }
         rec.submit()?;
         let tiles = self.stages.classification.read_counts(gpu, &targets.classification)?;
+        if let Some(list) = listed {
+            let visible = list.read_drawn(gpu)? as usize;
+            drawn.culled.hidden = drawn.patches - visible;
+            drawn.patches = visible;
+        }
 
         // Stage `virtual_texture`: render the requested pages that are not cached.
         let pages = if has_pages {
@@ -300,6 +316,7 @@ impl<'a> Renderer<'a> {
             edited: std::mem::take(&mut self.edited),
             nodes: drawn.nodes.len(),
             patches: drawn.patches,
+            culled: drawn.culled,
             drawn: drawn.nodes.clone(),
             atlas: self.streaming.counts(),
             pages,
@@ -321,7 +338,10 @@ impl<'a> Renderer<'a> {
                 rows: vec![
                     row("Nodes visited", drawn.visited.len()),
                     row("Nodes drawn", drawn.nodes.len()),
-                    row("Patches in the frustum", drawn.patches),
+                    row("Patches drawn", drawn.patches),
+                    row("Patches outside the frustum", drawn.culled.outside),
+                    row("Patches that face away", drawn.culled.facing_away),
+                    row("Patches that are hidden", drawn.culled.hidden),
                 ],
             },
             Section {
@@ -408,7 +428,7 @@ impl<'a> Renderer<'a> {
 
     /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the patches that may be
     /// visible from `eye`, in the local coordinates of `view`.
-    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
+    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Culled)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
         let done = AtomicU64::new(0);
@@ -421,11 +441,24 @@ impl<'a> Renderer<'a> {
         })?;
         let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
         self.terrain.update(gpu, slots);
-        let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
-        let lod_map = quadtree::lod_map(&selection.drawn);
-        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), [view, eye], request.geometry.vertex_stride);
-        let drawn = drawn.into_iter().map(|(node, ..)| node).collect();
-        Ok((selection.visited, drawn, patches))
+        let drawn: Vec<_> = selection
+            .drawn
+            .iter()
+            .filter_map(|&node| {
+                let (slot, bounds) = self.streaming.get(node)?;
+                Some(DrawnNode { node, slot, bounds, patches: self.streaming.patches(node) })
+            })
+            .collect();
+        let conditions = Conditions {
+            layout: self.world.layout(),
+            lod_map: &quadtree::lod_map(&selection.drawn),
+            rounding_m: self.world.elevation_rounding_m(),
+            stride: request.geometry.vertex_stride,
+            culls: request.geometry.culls,
+        };
+        let culled = culling::cull(&drawn, [view, eye], conditions);
+        let drawn = drawn.into_iter().map(|drawn| drawn.node).collect();
+        Ok((selection.visited, drawn, culled))
     }
 
     /// Builds the pipelines that a request needs and returns their keys. `tiles`: the number of tiles in the generic kernel's list and in the 31

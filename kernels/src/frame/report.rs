@@ -1,6 +1,7 @@
 //! The report of one frame.
 
 use crate::base::section::Section;
+use crate::culling::CullCounts;
 use crate::frame::edit::EditCounts;
 use crate::gpu::PassTime;
 use crate::residency::AtlasCounts;
@@ -22,6 +23,8 @@ pub struct FrameReport {
     pub nodes: usize,
     /// Number of patches drawn.
     pub patches: usize,
+    /// Numbers of the patches of drawn nodes that were not drawn.
+    pub culled: CullCounts,
     /// The nodes drawn; they do not overlap.
     pub drawn: Vec<NodeId>,
     /// Counts of the atlases, after the nodes of this frame were loaded.

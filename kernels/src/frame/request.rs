@@ -3,6 +3,7 @@
 use super::{FrameSettings, StageSettings};
 use crate::base::error::{Error, Result};
 use crate::classification;
+use crate::culling::Culls;
 use crate::frame::picture::AovSet;
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
@@ -54,10 +55,13 @@ pub struct GeometryRequest {
     /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
     /// ground keep their resolution.
     pub vertex_stride: u32,
-    /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera.
+    /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
+    /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
     pub culled_from: Option<Pose>,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
+    /// The tests that remove patches, which do not change the picture.
+    pub culls: Culls,
 }
 
 /// Everything that decides the results of the geometry pass for one renderer: two requests with equal keys have the same depth, mask and normals.

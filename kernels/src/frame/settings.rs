@@ -6,6 +6,7 @@ use super::stages::{StageSettings, stage_settings};
 use super::{GeometryRequest, Outputs, RenderRequest, ShadingRequest, VariantChoice, ViewRequest};
 use crate::base::document::Checked;
 use crate::classification;
+use crate::culling::Culls;
 use crate::frame::picture::AovSet;
 use crate::geometry;
 use crate::quadtree::LOD_BIASES;
@@ -158,6 +159,7 @@ impl FrameSettings {
                 vertex_stride: self.vertex_stride,
                 culled_from: None,
                 normals: self.normals,
+                culls: Culls::ALL,
             },
             shading: ShadingRequest {
                 variant: self.choice(),

@@ -12,6 +12,7 @@ use crate::gpu::ShaderModule;
 use crate::inspect::Inspect;
 use crate::lighting::Lighting;
 use crate::motion;
+use crate::occlusion::Occlusion;
 use crate::settings::{Holds, Part as _, Setting};
 use crate::shading::Shading;
 use crate::stage::{Build, Canvas, Declaration, Exchange, Stage};
@@ -102,6 +103,8 @@ macro_rules! stages {
 stages! {
     /// Writes depth, stencil, classification mask and normals.
     geometry: Geometry,
+    /// Drops hidden patches between the phases of `geometry`.
+    occlusion: Occlusion,
     /// Writes the tile list of each variant.
     classification: Classification,
     /// Renders pages of the virtual texture.

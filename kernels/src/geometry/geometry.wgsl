@@ -15,6 +15,8 @@ struct Patch {
 }
 
 @group(2) @binding(0) var<storage, read> patches: array<Patch>;
+// For each instance of a phase, the index of its patch.
+@group(2) @binding(1) var<storage, read> order: array<u32>;
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
@@ -28,7 +30,7 @@ struct GeometryVarying {
 
 @vertex
 fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> GeometryVarying {
-    let p = patches[instance];
+    let p = patches[order[instance]];
     let in_patch = vec2<u32>(vertex % 17u, vertex / 17u);
     let index = geometry_stitch(p.patch_xy * 16u + in_patch, p.deltas);
     let height = textureLoad(height_atlas, index, p.slot, 0).r;

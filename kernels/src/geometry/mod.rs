@@ -5,16 +5,17 @@
 //! instance per patch. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
 //! `ARCHITECTURE.md`.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use bytemuck::cast_slice;
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
-use crate::culling::{PATCH_QUADS, Patch};
+use crate::culling::{Culled, PATCH_QUADS};
 use crate::gpu::bindings::{Binding, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{CLEAR, Gpu, Recording, Shader, ShaderModule, constants};
+use crate::gpu::{CLEAR, Gpu, Recording, Shader, ShaderModule, constants, read_buffer};
 use crate::shared;
 use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::terrain;
@@ -171,7 +172,7 @@ impl Stage for Geometry {
         let Build { gpu, frame: frame_layout, terrain, demands, .. } = build;
         let ground = Ground { has_holes: demands.holes, has_edge: demands.edge };
         let shader = MODULE.compile(gpu)?;
-        let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage]);
+        let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage; 2]);
         let pipeline_layout = gpu.pipeline_layout("geometry", &[frame_layout, &terrain.layout, &layout]);
         let pipeline = pipeline(gpu, &shader, &pipeline_layout, ground, NormalEncoding::default().format());
         let indices = STRIDES.map(|stride| {
@@ -192,23 +193,112 @@ impl Geometry {
         self.exact.get_or_init(|| pipeline(gpu, &self.shader, &self.pipeline_layout, self.ground, normals))
     }
 
-    /// Records the pass. `stride`: one of [`STRIDES`].
-    pub fn encode(&self, rec: &mut Recording<'_>, patches: &[Patch], stride: u32, targets: &Targets) {
+    /// Uploads the patches to draw. `culled`: the patches and their boxes. `occlusion`: whether they are drawn in phases, between which hidden patches
+    /// are removed. `stride`: one of [`STRIDES`].
+    pub fn list(&self, gpu: &Gpu, culled: &Culled, occlusion: bool, stride: u32) -> PatchList {
+        let count = u32::try_from(culled.patches.len()).unwrap_or(0);
+        let phases = phases(count, if occlusion { &PHASE_ENDS } else { &[] });
+        let (_, indices) = self.indices[stride.ilog2() as usize];
+        // Occlusion culling writes the numbers of instances of all phases but the first.
+        let arguments: Vec<[u32; ARGUMENT_WORDS as usize]> =
+            phases.iter().map(|phase| [indices, if phase.start == 0 { phase.end } else { 0 }, 0, 0, 0]).collect();
+        let order: Vec<u32> = (0..count).collect();
+        let storage = wgpu::BufferUsages::STORAGE;
+        PatchList {
+            // A binding cannot be smaller than one element.
+            patches: gpu.buffer_with("patches", storage, if count == 0 { &[0; 32] } else { cast_slice(&culled.patches) }),
+            boxes: gpu.buffer_with("boxes of patches", storage, cast_slice(&culled.boxes)),
+            shown: gpu.buffer("shown patches", storage, u64::from(count.max(1)) * 4),
+            order: gpu.buffer_with("order of patches", storage, cast_slice(&order)),
+            arguments: gpu.buffer_with(
+                "patch draws",
+                storage | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_SRC,
+                cast_slice(&arguments),
+            ),
+            phases,
+            stride,
+        }
+    }
+
+    /// Records the draw of a phase. The first phase clears the targets.
+    pub fn encode(&self, rec: &mut Recording<'_>, list: &PatchList, phase: usize, targets: &Targets) {
         let gpu = rec.gpu;
-        let list = gpu.buffer_with("patches", wgpu::BufferUsages::STORAGE, if patches.is_empty() { &[0; 32] } else { cast_slice(patches) });
-        let group = gpu.group("patches", &self.layout, &[list.as_entire_binding()]);
+        let range = &list.phases[phase];
+        let order = wgpu::BufferBinding { buffer: &list.order, offset: u64::from(range.start) * 4, size: None };
+        let group = gpu.group("patches", &self.layout, &[list.patches.as_entire_binding(), wgpu::BindingResource::Buffer(order)]);
         let depth_stencil = view(&targets.depth_stencil);
+        let is_first = phase == 0;
         let depth_stencil = wgpu::RenderPassDepthStencilAttachment {
             view: &depth_stencil,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-            stencil_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
+            depth_ops: Some(wgpu::Operations {
+                load: if is_first { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load },
+                store: wgpu::StoreOp::Store,
+            }),
+            stencil_ops: Some(wgpu::Operations {
+                load: if is_first { wgpu::LoadOp::Clear(0) } else { wgpu::LoadOp::Load },
+                store: wgpu::StoreOp::Store,
+            }),
         };
         let colours = [&view(&targets.mask), &view(&targets.normals)];
-        let mut pass = rec.render("geometry", &colours, CLEAR, Some(depth_stencil), 2, &[&group]);
+        let load = if is_first { CLEAR } else { wgpu::LoadOp::Load };
+        let mut pass = rec.render("geometry", &colours, load, Some(depth_stencil), 2, &[&group]);
         pass.set_pipeline(self.pipeline(gpu, targets.normals.format()));
-        let (indices, count) = &self.indices[stride.ilog2() as usize];
+        let (indices, _) = &self.indices[list.stride.ilog2() as usize];
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
         pass.set_stencil_reference(1);
-        pass.draw_indexed(0..*count, 0, 0..u32::try_from(patches.len()).unwrap_or(0));
+        pass.draw_indexed_indirect(&list.arguments, phase as u64 * u64::from(ARGUMENT_WORDS) * 4);
+    }
+}
+
+/// Number of words of the arguments of an indirect draw with indices.
+pub const ARGUMENT_WORDS: u32 = 5;
+
+/// The phases begin at multiples of this number of patches, because a binding must begin at a multiple of 256 bytes.
+const PHASE_STEP: u32 = 64;
+
+/// The ends of the phases but the last, as shares of the patches.
+const PHASE_ENDS: [f64; 3] = [0.1, 0.25, 0.5];
+
+/// Divides patches into phases. `ends`: the ends of the phases but the last, as shares of the patches. There is always a first phase, which may have
+/// no patch; each other phase has at least one patch.
+fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
+    let mut phases = Vec::new();
+    let mut start = 0;
+    for share in ends {
+        let end = ((f64::from(count) * share) as u32).next_multiple_of(PHASE_STEP).min(count);
+        if end > start && end < count {
+            phases.push(start..end);
+            start = end;
+        }
+    }
+    phases.push(start..count);
+    phases
+}
+
+/// The patches of a frame on the device.
+pub struct PatchList {
+    patches: wgpu::Buffer,
+    /// The boxes of the patches ([`PatchBox`](crate::culling::PatchBox)).
+    pub boxes: wgpu::Buffer,
+    /// For each patch, whether occlusion culling lets it be drawn.
+    pub shown: wgpu::Buffer,
+    /// The indices of the patches in the order of drawing. The entries of a phase begin at the start of its range.
+    pub order: wgpu::Buffer,
+    /// The indirect draw of each phase, [`ARGUMENT_WORDS`] words each.
+    pub arguments: wgpu::Buffer,
+    /// The patches of each phase, as ranges of indices.
+    pub phases: Vec<Range<u32>>,
+    stride: u32,
+}
+
+impl PatchList {
+    /// Returns the number of patches that were drawn. The commands of the last phase must have been submitted before.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read_drawn(&self, gpu: &Gpu) -> Result<u32> {
+        let words: Vec<u32> =
+            bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, self.phases.len() as u64 * u64::from(ARGUMENT_WORDS) * 4)?);
+        Ok(words.chunks_exact(ARGUMENT_WORDS as usize).map(|arguments| arguments[1]).sum())
     }
 }

@@ -78,7 +78,7 @@ impl Timer {
         }
     }
 
-    /// The times, in the order of the passes; call it after the commands were submitted.
+    /// The times, in the order of the passes; call it after the commands were submitted. The times of passes of the same name are added.
     ///
     /// # Errors
     /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because callers could not
@@ -97,11 +97,32 @@ impl Timer {
         }
         let bytes = read_buffer(gpu, &self.resolved, self.names.len() as u64 * 16)?;
         let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
-        Ok(self
-            .names
-            .iter()
-            .zip(stamps.chunks_exact(2))
-            .map(|(name, pair)| PassTime { name: name.clone(), time_ms: pair[1].saturating_sub(pair[0]) as f64 * self.period_ns * 1e-6 })
-            .collect())
+        let ms = stamps.chunks_exact(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64 * self.period_ns * 1e-6);
+        Ok(summed(self.names.iter().zip(ms)))
+    }
+}
+
+/// Adds the times of passes of the same name. The order is that of the first pass of each name.
+fn summed<'a>(passes: impl Iterator<Item = (&'a String, f64)>) -> Vec<PassTime> {
+    let mut times: Vec<PassTime> = Vec::new();
+    for (name, time_ms) in passes {
+        match times.iter_mut().find(|time| time.name == *name) {
+            Some(time) => time.time_ms += time_ms,
+            None => times.push(PassTime { name: name.clone(), time_ms }),
+        }
+    }
+    times
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_of_one_name_have_one_time() {
+        let names = ["geometry", "occlusion", "geometry", "lighting"].map(str::to_owned);
+        let times = summed(names.iter().zip([1.0, 2.0, 4.0, 8.0]));
+        let times: Vec<(&str, f64)> = times.iter().map(|time| (time.name.as_str(), time.time_ms)).collect();
+        assert_eq!(times, [("geometry", 5.0), ("occlusion", 2.0), ("lighting", 8.0)]);
     }
 }

@@ -8,13 +8,39 @@
 use glam::{DVec2, DVec3};
 
 use crate::view::camera::View;
-use crate::world::{LODS, Layout, NODE_QUADS, NodeId, SECTORS, World};
+use crate::world::cones::{self, Cone};
+use crate::world::payload::HEIGHT_SIDE;
+use crate::world::{LODS, Layout, NODE_QUADS, NodeId, NodePayload, SECTORS, World};
 
 /// The data of a loaded node that the traversal uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeBounds {
     /// Lowest and highest elevation, metres.
     pub height_m: [f64; 2],
+}
+
+/// The data of a patch of a loaded node that culling uses. A node has 8 x 8 patches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchBounds {
+    /// Lowest and highest elevation of the patch's vertices, metres, before any stitching.
+    pub height_m: [f64; 2],
+    /// Contains the normals of the patch's triangles, before any stitching and at vertex stride 1.
+    pub cone: Cone,
+}
+
+impl PatchBounds {
+    /// Returns the bounds of the patches of a node, row by row from the south-west corner.
+    pub fn of(world: &World, payload: &NodePayload) -> Vec<PatchBounds> {
+        let quads = NODE_QUADS as usize / cones::PATCHES;
+        let cones = cones::decode(&payload.cones);
+        let bounds = cones.into_iter().enumerate().map(|(patch, cone)| {
+            let first = (patch / cones::PATCHES * HEIGHT_SIDE + patch % cones::PATCHES) * quads;
+            let rows = (0..=quads).flat_map(|row| &payload.height[first + row * HEIGHT_SIDE..][..=quads]);
+            let (low, high) = rows.fold((u16::MAX, 0), |(low, high), &height| (low.min(height), high.max(height)));
+            PatchBounds { height_m: [low, high].map(|height| world.elevation_m(height)), cone }
+        });
+        bounds.collect()
+    }
 }
 
 /// The nodes of one frame.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::base::error::{Error, Result};
 use crate::gpu::uses::TextureUse;
 use crate::gpu::{Gpu, texture_bytes, upload};
-use crate::quadtree::NodeBounds;
+use crate::quadtree::{NodeBounds, PatchBounds};
 use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
@@ -70,6 +70,7 @@ pub struct Changes {
 struct Resident {
     slot: u32,
     bounds: NodeBounds,
+    patches: Vec<PatchBounds>,
     used: u64,
     /// Identifies the state of the materials on the node. It gets a new value when the splat map of the node changes, or when the palette entry, the
     /// mean values (see [`Changes::means`]) or a texture of one of its materials change.
@@ -172,7 +173,8 @@ impl Streaming {
             let source = self.keeps_ground.then_some((ground, cover));
             // If the node was evicted earlier, pages of the virtual texture may have been rendered from it with older materials. The new
             // revision marks such pages as stale.
-            let resident = Resident { slot, bounds, used: self.frame, revision: self.revision, source };
+            let patches = PatchBounds::of(world, &payload);
+            let resident = Resident { slot, bounds, patches, used: self.frame, revision: self.revision, source };
             self.resident.insert(payload.id, resident);
             self.loaded += 1;
         }
@@ -182,6 +184,11 @@ impl Streaming {
     /// Returns slot and bounds of a node; `None` = the node is not resident.
     pub fn get(&self, node: NodeId) -> Option<(u32, NodeBounds)> {
         self.resident.get(&node).map(|r| (r.slot, r.bounds))
+    }
+
+    /// Returns the bounds of the patches of a node, row by row from the south-west corner; empty if the node is not resident.
+    pub fn patches(&self, node: NodeId) -> &[PatchBounds] {
+        self.resident.get(&node).map_or(&[], |r| &r.patches)
     }
 
     /// Returns a number that changes whenever the materials of a node change; 0 for a node that is not resident, and for all nodes until the first

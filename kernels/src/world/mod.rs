@@ -345,6 +345,14 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
+    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. Scaling the height, converting the two
+    /// ends of the range to f32, and the final sum each round once. Each error is at most 2^-24 times the sum of the magnitudes; the bound is twice
+    /// the total of four such errors.
+    pub fn elevation_rounding_m(&self) -> f64 {
+        let (low, high) = self.height_range_m;
+        8.0 / 16_777_216.0 * (low.abs() + (high - low))
+    }
+
     /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, and triangles with alternating diagonals (ruling 11 in
     /// `ARCHITECTURE.md`). Outside the data, the result is the height at the nearest point on the edge of the data.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
