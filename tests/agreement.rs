@@ -240,10 +240,11 @@ const CASES: &[Case] = &[
         // each, so about 0.1 such rows are expected.
         other_side_at_most: 4,
         mutants: &[
-            // In this order: the blend of two scales is not transformed back to a uniform distribution; the coarse scale is blended with itself; the
-            // seed is hashed without the salt; a sector has one cell too few; an axis along which the position does not change has the smallest
-            // cells; cells may be smaller than the step of f32 at the elevation, or at the position in a sector; along the elevation, borders between
-            // cells lie at multiples of the cell's height; the finest scale changes at powers of two.
+            // Each mutant plants one fault. In the order of the list: the blend of two scales is not transformed back to a uniform distribution; the
+            // coarse scale is blended with itself; the seed is hashed without the salt; a sector has one cell too few; an axis along which the
+            // position does not change has the smallest cells; cells may be smaller than the step of f32 at the elevation; cells may be smaller than
+            // the step of f32 at the position in a sector; along the elevation, borders between cells lie exactly at multiples of the cell's height;
+            // the finest scale changes exactly at powers of two.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),

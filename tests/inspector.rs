@@ -67,9 +67,9 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. The more obliquely a plane is seen,
-            // the more an error of its normal changes the derivatives. Here, the cosine between the view direction and the normal is above 0.3, so
-            // obliqueness increases the change by a factor of at most about 3.
+            // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. An error of the normal also changes the
+            // derivatives, and the more so, the more obliquely the plane is seen. Here, the cosine between the view direction and the normal is above
+            // 0.3, so the relative error of a derivative is at most about 3 times the error of the normal in radians.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }

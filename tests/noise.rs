@@ -149,8 +149,7 @@ fn only_kinds_per_frame_change_with_the_frame() {
     }
 }
 
-/// Evaluates `of` at all pixels of an area as large as a mask, in as many frames as the spatio-temporal mask has slices. Returns a list of values for
-/// each frame.
+/// Evaluates `of` at all pixels of a square of the size of a blue-noise mask, in [`SLICES`] frames. Returns one list of values for each frame.
 fn sequence(of: &dyn Fn([u32; 2], u32) -> f64) -> Vec<Vec<f64>> {
     (0..SLICES).map(|frame| (0..RANKS).map(|i| of([i % EDGE, i / EDGE], frame)).collect()).collect()
 }

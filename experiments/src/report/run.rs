@@ -575,7 +575,7 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Returns a close-up of at most [`CURVES`] of the rows, each with its own colour. `resolved`: see [`CloseUp::resolved`].
+/// Returns a close-up plot that shows at most [`CURVES`] of the rows, each in its own colour. `resolved`: see [`CloseUp::resolved`].
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);

@@ -82,10 +82,11 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures balance over the cells of a lattice, and avalanche over random inputs. If an input bit changes, each output bit changes with some
-/// probability. The avalanche of the input bit is the largest deviation of these probabilities from one half, over the output bits that affect a
-/// threshold. Some input bits should change every output bit with a probability of one half. Their limits follow from one family of tests with a
-/// level of 0.1 %. The limits of the other input bits are constants of this module.
+/// Measures two properties of each hash. *Balance*, over the cells of a lattice: how far the share of hashes in which an output bit is 1 is from one
+/// half. *Avalanche* of an input bit, over random inputs: how far the probability that an output bit changes with the input bit is from one half; the
+/// largest value over the output bits that affect a threshold counts. For some input bits, this probability should be one half for every output bit.
+/// The limits of the avalanche of these input bits follow from one family of tests with a level of 0.1 %. The limits of the other input bits are
+/// constants of this module.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {

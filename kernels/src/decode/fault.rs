@@ -9,9 +9,9 @@ use std::io;
 pub enum Fault {
     /// The operating system cannot read the file.
     Io(io::Error),
-    /// The file ends too early, or violates its format. The string says what is wrong; the text form adds the remedy.
+    /// The file ends too early, or violates its format. The string says what is wrong; `Display` adds the remedy.
     Damaged(String),
-    /// The file is intact, but two of its statements exclude each other. The string gives both statements; the text form adds the remedy.
+    /// The file is intact, but two of its statements exclude each other. The string gives both statements; `Display` adds the remedy.
     Contradictory(String),
     /// The file is intact, but of a kind that cannot be used, or it does not fit the options. The string says what is wrong,
     /// and gives the remedy.

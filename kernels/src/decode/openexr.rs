@@ -160,8 +160,8 @@ impl fmt::Display for Window {
     }
 }
 
-/// Reads all parts. `max_side` is the largest allowed width and height of the data window and of the display window, pixels. It is checked
-/// before memory is allocated.
+/// Reads all parts. `max_side` is the largest allowed width and height of the data window and of the display window, pixels. Both
+/// windows are checked against it before memory is allocated.
 ///
 /// # Errors
 /// See [`read_within`].

@@ -168,7 +168,7 @@ fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     best.map(|(_, pose)| pose)
 }
 
-/// The pose of a camera for which the world has no candidate: at the centre of the world, looking north.
+/// The pose of a camera for which the search found no suitable place: at the centre of the world, looking north.
 fn fallback(world: &World) -> Pose {
     Pose { eye: eye_at(world, 0.0, 0.0, EYE_M), yaw: 0.0, pitch: -0.05 }
 }

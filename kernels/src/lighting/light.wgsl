@@ -2,7 +2,7 @@
 
 // The host passes the constant LIGHTING_F0: the reflectance of the ground at normal incidence.
 
-// A point of the G-buffer.
+// The surface at a pixel, as read from the G-buffer.
 struct LightingSurface {
     albedo: vec3<f32>,
     occlusion: f32,     // factor on all specular light, 0..=1

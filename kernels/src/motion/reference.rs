@@ -43,7 +43,7 @@ pub fn link(now: &Seen, past: &Seen, at: usize) -> Link {
     let point = (now.view.ray(x, y) * distance).to_array();
     let between = Past::between(&now.view, &past.view);
     let [px, py, seen] = reproject(point, &between);
-    // Positions in pixels have an error of less than 1e-3 in f32.
+    // In f32, positions in pixels have an error of less than 1e-3. So the link is uncertain if the position is this close to the border of a pixel.
     let is_close = [px, py].into_iter().any(|p| ((p - 0.5).rem_euclid(1.0) - 0.5).abs() > 0.499);
     let (column, row) = ((px + 0.5).floor(), (py + 0.5).floor());
     if seen <= 0.0 || column < 0.0 || row < 0.0 || column >= width || row >= height {

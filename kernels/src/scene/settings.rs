@@ -33,7 +33,7 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
-        /// Ground beyond this distance is shaded from the far atlas, nearer ground from the virtual texture. 0: no virtual texture.
+        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0 means no virtual texture.
         far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
         /// Cliffs nearer than this distance are shaded by the flavour `near-cliff`, cliffs beyond it by `far-cliff` (Far Cry 5: 30 m).
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);

@@ -80,7 +80,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
             continue;
         }
         let decoded = direction(p, half);
-        // Skips points whose decoded plane would be seen from the other side, because the derivatives would be reversed.
+        // Skips a code if the plane that it decodes to would be seen from behind: the derivatives on that plane would be reversed.
         if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
             continue;
         }

@@ -3,7 +3,7 @@
 // A code stores a point of the octahedron's square as two integers, one per coordinate. 8-bit codes use the 255 integers 0..=254, so that zero and
 // the six axes are exact.
 
-// Largest integer of an 8-bit code in this file: codes are computed as -127..=127 and stored as 0..=254.
+// Largest value of an 8-bit code before it is stored: codes are computed as -127..=127 and stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
 // The step of the codes, 1 / 127. 127 times this f32 is exactly 1; a division on a GPU need not be exact.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;

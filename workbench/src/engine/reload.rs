@@ -18,7 +18,7 @@ type Stamp = (SystemTime, u64);
 
 /// A file, as it was at the last check.
 struct Watched {
-    /// Path relative to the folder.
+    /// Path relative to the watched folder.
     name: String,
     /// `None` = the file does not exist.
     stamp: Option<Stamp>,

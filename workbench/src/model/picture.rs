@@ -136,7 +136,7 @@ pub struct Adapter {
 /// The state that the drawing thread reports.
 #[derive(Clone, Default)]
 pub struct News {
-    /// The last picture.
+    /// The newest picture.
     pub shown: Option<Arc<Shown>>,
     /// The device.
     pub adapter: Option<Adapter>,

@@ -404,7 +404,8 @@ impl Places {
 }
 
 /// Returns a free name: the wanted name as one line of at most [`NAME_LENGTH`] characters, or `usual` if the wanted name is empty. If the name is
-/// taken, the smallest free number from 2 on is appended, such as `ridge 2` for `ridge`. It replaces a number at the end of the name.
+/// taken, the smallest number from 2 on that makes it free is appended, such as `ridge 2` for `ridge`. If the wanted name already ends in a number,
+/// the new number replaces that number.
 fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
     let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };

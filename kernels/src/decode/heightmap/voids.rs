@@ -437,7 +437,8 @@ mod tests {
         assert!(said.contains("(300 to 899.99"), "{said}");
         assert_eq!(remark(&ground(Depth::Single, METRES, &[])), None);
         assert_eq!(remark(&ground(Depth::Single, METRES, &[(3, 1000.0)])), None, "a peak");
-        // A plain with a volcano: far above the quartiles, but without a gap.
+        // A plain with a volcano. Its summit is far above the quartiles of the heights, but all heights between plain and summit occur, so it is no
+        // outlier.
         let volcano: Vec<(usize, f64)> = (0..300).map(|i| (i, 3.0 + f64::from(i as u32) * 10.0)).collect();
         assert_eq!(remark(&ground(Depth::Single, [0.0, 3.0], &volcano)), None);
         // Most of the map is sea.
