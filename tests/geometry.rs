@@ -166,24 +166,26 @@ fn culling_changes_no_pixel() {
         let [yaw, pitch, fov] = [(3, 0.0, 6.3), (4, -0.7, 0.4), (5, 0.3, 1.6)].map(|(number, low, high)| random(case, number, low, high));
         poses.push(Pose { position, yaw, pitch, fov });
     }
-    let mut drawn = [0; 2];
+    let (mut drawn, mut hidden, mut facing_away) = ([0; 2], 0, 0);
     for (case, pose) in poses.into_iter().enumerate() {
-        let request = RenderRequest::new(pose, [[93, 61], [64, 128]][case % 2]).with(|r| {
+        let request = RenderRequest::new(pose, [[93, 61], [64, 128], [1, 1], [257, 3]][case % 4]).with(|r| {
             r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
             r.outputs.lit = false;
-            r.geometry.vertex_stride = [1, 1, 4, 2][case % 4];
+            r.geometry.vertex_stride = [1, 1, 1, 4, 2][case % 5];
             r.view.jitter = [0.25 * (case % 3) as f64, 0.0];
         });
         let (expected, all) = geometry_of(&mut renderer, &request, Culls::FRUSTUM);
         let (found, left) = geometry_of(&mut renderer, &request, Culls::ALL);
+        let counts = renderer.draw(&request).expect("draws").report().culled;
+        (hidden, facing_away) = (hidden + counts.hidden, facing_away + counts.facing_away);
         for ((found, expected), name) in found.iter().zip(&expected).zip(["depth", "mask", "normals"]) {
             let wrong = found.iter().zip(expected).filter(|(a, b)| a != b).count();
             assert_eq!(wrong, 0, "case {case}, {pose:?}: {wrong} of {} bytes of {name} differ", expected.len());
         }
         drawn = [drawn[0] + all, drawn[1] + left];
     }
-    println!("{} of {} patches are drawn", drawn[1], drawn[0]);
-    assert!(drawn[1] < drawn[0], "culling removes nothing");
+    println!("{} of {} patches are drawn, {hidden} hidden, {facing_away} facing away", drawn[1], drawn[0]);
+    assert!(drawn[1] < drawn[0] && hidden > 1000 && facing_away > 50, "{drawn:?} {hidden} {facing_away}");
 }
 
 /// A request for a picture straight down from 6 m above the ground at a position: about 10 m x 7 m of ground. North is at the top of the picture.
@@ -296,6 +298,8 @@ fn the_edge_of_the_data_has_no_cracks_where_lods_meet() {
         let request = from_above(&world, x, y).with(|r| {
             r.geometry.culled_from = Some(culled_from);
             r.geometry.lod_bias = lod_bias;
+            // Ground that faces away from the other position is not culled, because it is seen from above.
+            r.geometry.culls = Culls { back_faces: false, ..Culls::ALL };
         });
         let picture = renderer.render(&request).expect("renders");
         // The nodes on both sides of the border, within the data.

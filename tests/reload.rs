@@ -219,11 +219,12 @@ fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
     let (wanted, rendered) = pages(&first);
     assert!(wanted > 0 && rendered == wanted, "{wanted} pages, {rendered} rendered");
     assert_eq!(pages(&draw(&mut renderer, &request)), (wanted, 0));
-    let all = ["geometry", "classification", "virtual texture", "shading", "lighting", "inspect", "composition", "links"];
-    let cases: [(&str, &[&str], bool); 7] = [
+    let all = ["geometry", "occlusion", "classification", "virtual texture", "shading", "lighting", "inspect", "composition", "links"];
+    let cases: [(&str, &[&str], bool); 8] = [
         ("lighting/lighting.wgsl", &["lighting"], false),
         ("lighting/light.wgsl", &["lighting", "composition"], false),
         ("geometry/stitch.wgsl", &["geometry"], false),
+        ("occlusion/pyramid.wgsl", &["occlusion"], false),
         ("virtual_texture/page.wgsl", &["virtual texture"], true),
         ("virtual_texture/virtual_texture.wgsl", &["virtual texture", "shading"], true),
         ("shared/signal.wgsl", &["composition"], false),

@@ -47,7 +47,7 @@ const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
 
-/// The name of the candidate of which every patch in the frustum is drawn, tested with the heights of its node.
+/// The candidate without tests of patches, except the frustum test with the heights of the node.
 const FRUSTUM_ONLY: &str = "frustum only";
 /// The sum of the device times of the passes of geometry and occlusion culling.
 const GEOMETRY: &str = "geometry and occlusion";
@@ -67,10 +67,10 @@ fn candidates() -> Vec<Candidate> {
     let flavours = Flavour::ALL.map(|flavour| (flavour.name(), VariantChoice::Forced(Variant::only(flavour))));
     let culls = [
         without(FRUSTUM_ONLY, Culls::FRUSTUM),
-        without("node heights", Culls { patch_heights: false, ..Culls::ALL }),
-        without("back faces", Culls { back_faces: false, ..Culls::ALL }),
-        without("no occlusion", Culls { occlusion: false, ..Culls::ALL }),
-        without("any order", Culls { nearest_first: false, ..Culls::ALL }),
+        without("without patch heights", Culls { patch_heights: false, ..Culls::ALL }),
+        without("without cones", Culls { back_faces: false, ..Culls::ALL }),
+        without("without occlusion", Culls { occlusion: false, ..Culls::ALL }),
+        without("without order and occlusion", Culls { nearest_first: false, ..Culls::ALL }),
     ];
     variants.chain(flavours).map(of).chain(culls).collect()
 }
@@ -112,10 +112,10 @@ static RATIOS: [Ratio; 12] = [
     shading("splat_over_far_cliff", "full splat / far cliff, same pixels", "splat", "far-cliff", "3"),
     shading("splat_over_near_cliff", "full splat / near cliff, same pixels", "splat", "near-cliff", "2"),
     geometry("geometry_over_frustum_only", "geometry, all culling / frustum only", FRUSTUM_ONLY, "at most 0.5"),
-    geometry("geometry_over_node_heights", "geometry, all culling / without patch heights", "node heights", "below 1"),
-    geometry("geometry_over_back_faces", "geometry, all culling / without cones", "back faces", "below 1"),
-    geometry("geometry_over_no_occlusion", "geometry, all culling / without occlusion", "no occlusion", "below 1"),
-    geometry("geometry_over_any_order", "geometry, all culling / not nearest first", "any order", "below 1"),
+    geometry("geometry_over_node_heights", "geometry, all culling / without patch heights", "without patch heights", "below 1"),
+    geometry("geometry_over_back_faces", "geometry, all culling / without cones", "without cones", "below 1"),
+    geometry("geometry_over_no_occlusion", "geometry, all culling / without occlusion", "without occlusion", "below 1"),
+    geometry("geometry_over_any_order", "geometry, all culling / without order and occlusion", "without order and occlusion", "below 1"),
     share("classification_share", "classification, share of the frame", "classification", ALL_PASSES, "below 10 %"),
     share("reading_share", "reading back / rendering a frame, wall clock", READING, FRAME, "below 5 %"),
     share("measuring_share", "measuring / rendering a frame, wall clock", MEASURING, FRAME, "below 12 %"),
@@ -197,7 +197,7 @@ fn measure(
     rounds::measure(&plan, &|| began.elapsed().as_secs_f64(), step, draw)
 }
 
-/// Measures the device times of all passes of each choice. The ratios of shading times decide how many rounds are drawn.
+/// Measures the device times of all passes of each choice. The ratios of shading times and of geometry times decide how many rounds are drawn.
 fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let candidates = candidates();
     let wanted = wanted(|ratio| !ratio.is_share);

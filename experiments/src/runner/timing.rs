@@ -14,8 +14,8 @@ use crate::process::check_interrupted;
 use crate::rounds::{self, LEAST, Plan, Timed, Turn, Wanted};
 use crate::unit::{Outcome, Unit};
 
-/// The pass that all candidates share: it is drawn once in each round.
-const GEOMETRY: &str = "geometry";
+/// The passes that all candidates share: they are drawn once in each round.
+const SHARED: [&str; 2] = ["geometry", "occlusion"];
 
 /// A way to shade that is timed.
 type Candidate = (VariantChoice, Estimator, NoiseKind);
@@ -75,9 +75,9 @@ impl Runner<'_> {
                 r.outputs.keep_geometry = !turn.is_first;
             });
             let passes = renderer.draw(&request)?.into_report().passes;
-            // The geometry is drawn by the first picture of a round, which shows a different candidate in each round. All times of the geometry are
-            // assigned to candidate 0, so that they form one series.
-            let owner = |pass: &str| if pass == GEOMETRY { 0 } else { turn.candidate };
+            // The geometry is drawn by the first picture of a round, which shows a different candidate in each round. All times of shared passes are
+            // assigned to candidate 0, so that each pass has one series.
+            let owner = |pass: &str| if SHARED.contains(&pass) { 0 } else { turn.candidate };
             Ok(passes.into_iter().map(|pass| Timed { candidate: owner(&pass.name), pass: pass.name, ms: pass.time_ms }).collect())
         };
         let began = Instant::now();

@@ -1,7 +1,9 @@
 //! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops patches that cannot be visible, and packs LOD deltas for stitching.
 //!
 //! A patch is dropped if the box around its vertices is outside the frustum, or if all its triangles face away from the camera. The remaining patches
-//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. No test changes a pixel.
+//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. The tests are made not to
+//! change a pixel, and a test checks this with llvmpipe. On hardware, two rare exceptions are possible: a triangle that faces away and is much smaller
+//! than a pixel can face the camera after the rasteriser rounds its corners; and of two surfaces of equal depth, the one drawn first is seen.
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
 //! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
 
@@ -77,7 +79,7 @@ pub struct DrawnNode<'a> {
     pub patches: &'a [PatchBounds],
 }
 
-/// Which tests remove patches.
+/// Which tests are made, and in which order patches are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(clippy::struct_excessive_bools, reason = "each test can be switched off alone, so that its use can be measured")]
 pub struct Culls {
@@ -94,13 +96,13 @@ pub struct Culls {
 impl Culls {
     /// All tests.
     pub const ALL: Culls = Culls { patch_heights: true, back_faces: true, nearest_first: true, occlusion: true };
+    /// Only the frustum, with the range of heights of a node.
+    pub const FRUSTUM: Culls = Culls { patch_heights: false, back_faces: false, nearest_first: false, occlusion: false };
+
     /// Whether hidden patches are removed.
     pub fn hides(self) -> bool {
         self.occlusion && self.nearest_first
     }
-
-    /// Only the frustum, with the range of heights of a node.
-    pub const FRUSTUM: Culls = Culls { patch_heights: false, back_faces: false, nearest_first: false, occlusion: false };
 }
 
 /// The conditions under which patches are culled.

@@ -284,7 +284,7 @@ impl<'a> Renderer<'a> {
         let tiles = self.stages.classification.read_counts(gpu, &targets.classification)?;
         if let Some(list) = listed {
             let visible = list.read_drawn(gpu)? as usize;
-            drawn.culled.hidden = drawn.patches - visible;
+            drawn.culled.hidden = drawn.patches.saturating_sub(visible);
             drawn.patches = visible;
         }
 
@@ -334,7 +334,7 @@ impl<'a> Renderer<'a> {
         let mut sections = vec![
             Section {
                 name: "Nodes and patches",
-                about: "Quadtree and culling: nodes are visited from the coarsest down, and each drawn node is divided into 8 x 8 patches of 16 x 16 quads",
+                about: "Quadtree, culling and occlusion: nodes are visited from the coarsest down, and each drawn node is divided into 8 x 8 patches of 16 x 16 quads",
                 rows: vec![
                     row("Nodes visited", drawn.visited.len()),
                     row("Nodes drawn", drawn.nodes.len()),

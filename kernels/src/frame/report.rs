@@ -11,7 +11,7 @@ use crate::world::NodeId;
 /// Numbers of one frame: what was drawn and loaded, and the times of the passes.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReport {
-    /// Time of each pass on the device.
+    /// Time of each pass on the device. The times of passes of the same name are added.
     pub passes: Vec<PassTime>,
     /// Number of nodes visited: the nodes drawn, and their ancestors in the quadtree.
     pub visited: usize,

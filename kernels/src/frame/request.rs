@@ -60,7 +60,7 @@ pub struct GeometryRequest {
     pub culled_from: Option<Pose>,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
-    /// The tests that remove patches, which do not change the picture.
+    /// The tests that remove patches, and the order of drawing. They do not change the picture (see [`crate::culling`]).
     pub culls: Culls,
 }
 

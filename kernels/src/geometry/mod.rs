@@ -1,8 +1,8 @@
-//! Geometry pass: draws all visible patches with one draw call, into depth, stencil, classification mask and two normals.
+//! Geometry pass: draws the visible patches in phases, each with one indirect draw, into depth, stencil, classification mask and two normals.
 //!
-//! Reads the patch list, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`),
-//! stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, one
-//! instance per patch. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
+//! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`),
+//! stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One instance per
+//! patch. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
 //! `ARCHITECTURE.md`.
 
 use std::ops::Range;
@@ -260,13 +260,13 @@ const PHASE_STEP: u32 = 64;
 const PHASE_ENDS: [f64; 3] = [0.1, 0.25, 0.5];
 
 /// Divides patches into phases. `ends`: the ends of the phases but the last, as shares of the patches. There is always a first phase, which may have
-/// no patch; each other phase has at least one patch.
+/// no patch; each other phase has at least [`PHASE_STEP`] patches.
 fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     let mut phases = Vec::new();
     let mut start = 0;
     for share in ends {
         let end = ((f64::from(count) * share) as u32).next_multiple_of(PHASE_STEP).min(count);
-        if end > start && end < count {
+        if end > start && end + PHASE_STEP <= count {
             phases.push(start..end);
             start = end;
         }
@@ -297,8 +297,28 @@ impl PatchList {
     /// # Errors
     /// When the device is lost.
     pub fn read_drawn(&self, gpu: &Gpu) -> Result<u32> {
+        if let [only] = self.phases.as_slice() {
+            return Ok(only.end);
+        }
         let words: Vec<u32> =
             bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, self.phases.len() as u64 * u64::from(ARGUMENT_WORDS) * 4)?);
         Ok(words.chunks_exact(ARGUMENT_WORDS as usize).map(|arguments| arguments[1]).sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phases_hold_every_patch_once_and_begin_at_whole_steps() {
+        for count in [0, 1, 63, 64, 65, 127, 128, 640, 1000, 10_000, 32_768] {
+            let phases = phases(count, &PHASE_ENDS);
+            assert_eq!((phases[0].start, phases[phases.len() - 1].end), (0, count));
+            assert!(phases.windows(2).all(|pair| pair[0].end == pair[1].start && pair[1].start % PHASE_STEP == 0), "{phases:?}");
+            assert!(phases.len() == 1 || phases.iter().all(|phase| phase.len() >= PHASE_STEP as usize), "{phases:?}");
+        }
+        assert_eq!(phases(1000, &PHASE_ENDS), [0..128, 128..256, 256..512, 512..1000]);
+        assert_eq!(phases(1000, &[]).len(), 1);
     }
 }

@@ -26,8 +26,8 @@ struct OcclusionBox {
 @group(1) @binding(5) var<storage, read_write> arguments: array<u32>;
 
 const OCCLUSION_LANES: u32 = 256u;
-// The test reads a level this much finer than the one at which a box lies in at most 2 x 2 texels. The box then lies in at most 5 x 5 texels, which
-// reach less far beyond the box, so that more hidden patches are recognised.
+// The test reads a level this much finer than the one at which a box lies in at most 2 x 2 texels. The box then lies in at most 8 x 8 texels. They
+// extend less far beyond the box than coarser texels, so that more hidden patches are recognised.
 const OCCLUSION_FINER: u32 = 2u;
 
 var<workgroup> occlusion_sums: array<u32, OCCLUSION_LANES>;

@@ -5,6 +5,7 @@
 //! alone: no depth of an earlier frame is used.
 //! Reads depth, the boxes of the patches, and the camera. Writes the order of drawing and the indirect draw of a phase.
 //! Dispatch: one invocation per 8 x 8 pixels (and per 8 x 8 texels of every third level), then one workgroup for the patches of a phase.
+//! Limits: the test of a phase runs in one workgroup, so it uses a small part of a large GPU.
 //! Source: Moore, GDC 2018, "GPU Culling", "Occlusion Buffer Culling"; Haar and Aaltonen, SIGGRAPH 2015, who test in two phases.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
@@ -83,10 +84,9 @@ impl Stage for Occlusion {
         let Canvas { gpu, size, .. } = canvas;
         let count = |level| level_size(size, level).iter().map(|&n| u64::from(n)).product::<u64>();
         let texels: u64 = (1..=levels(size)).map(count).sum();
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let from = (0..levels(size)).step_by(LEVELS_PER_DISPATCH as usize);
         Pyramid {
-            texels: gpu.buffer("depth pyramid", usage, texels * 4),
+            texels: gpu.buffer("depth pyramid", wgpu::BufferUsages::STORAGE, texels * 4),
             from: from.map(|level| gpu.buffer_with("level of the pyramid", wgpu::BufferUsages::STORAGE, bytes_of(&level))).collect(),
             size,
         }
@@ -121,14 +121,14 @@ impl Occlusion {
         let gpu = rec.gpu;
         let depth = aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly);
         let range = &list.phases[phase];
-        let uniform = OcclusionPhase {
+        let parameters = OcclusionPhase {
             first: range.start,
             count: range.end - range.start,
             instances: u32::try_from(phase).unwrap_or(0) * ARGUMENT_WORDS + 1,
             ..OcclusionPhase::default()
         };
-        let uniform = gpu.buffer_with("phase", wgpu::BufferUsages::STORAGE, bytes_of(&uniform));
-        let buffers = [&uniform, &list.boxes, &pyramid.texels, &list.shown, &list.order, &list.arguments];
+        let parameters = gpu.buffer_with("phase", wgpu::BufferUsages::STORAGE, bytes_of(&parameters));
+        let buffers = [&parameters, &list.boxes, &pyramid.texels, &list.shown, &list.order, &list.arguments];
         let tested = gpu.group("occlusion", &self.cull_layout, &buffers.map(wgpu::Buffer::as_entire_binding));
         let made: Vec<_> = pyramid
             .from
@@ -147,5 +147,16 @@ impl Occlusion {
         pass.set_pipeline(&self.cull);
         pass.set_bind_group(1, &tested, &[]);
         pass.dispatch_workgroups(1, 1, 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_level_of_a_pyramid_has_one_texel() {
+        assert_eq!([[1, 1], [2, 2], [9, 3], [480, 270], [16_384, 1]].map(levels), [3, 3, 6, 9, 15]);
+        assert!([[1, 1], [9, 3], [480, 270]].into_iter().all(|size| level_size(size, levels(size)) == [1, 1]));
     }
 }

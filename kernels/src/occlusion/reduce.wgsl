@@ -1,8 +1,8 @@
 // Makes three levels of the depth pyramid from the level below them. One invocation makes one texel of the third level, and the texels of the other
 // two levels that lie in it. So no barrier is needed.
 
-// `from`: the level that is read; 0 = the depth target.
 @group(1) @binding(0) var depth_target: texture_depth_2d;
+// The level that is read; 0 = the depth target.
 @group(1) @binding(1) var<storage, read> occlusion_from: u32;
 @group(1) @binding(2) var<storage, read_write> pyramid: array<f32>;
 

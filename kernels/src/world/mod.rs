@@ -345,9 +345,9 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
-    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. Scaling the height, converting the two
-    /// ends of the range to f32, and the final sum each round once. Each error is at most 2^-24 times the sum of the magnitudes; the bound is twice
-    /// the total of four such errors.
+    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. Each operation (reading the height,
+    /// converting both ends of the range to f32, the product and the sum) is off by at most 2^-23 of the sum of the magnitudes, whatever the direction
+    /// of rounding; the errors amount to less than 8 x 2^-24 of that sum, including the conversion of a box to f32.
     pub fn elevation_rounding_m(&self) -> f64 {
         let (low, high) = self.height_range_m;
         8.0 / 16_777_216.0 * (low.abs() + (high - low))

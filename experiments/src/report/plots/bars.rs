@@ -15,7 +15,7 @@ use crate::report::numbers::number;
 const BAR_COLOURS: [Rgb; 6] = [(86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (0, 114, 178), (204, 121, 167)];
 
 /// The passes of a frame in the order in which bars show them. Other timed passes come after these.
-const PASSES: [&str; 5] = ["geometry", "classification", "page requests", "shading", "lighting"];
+const PASSES: [&str; 6] = ["geometry", "occlusion", "classification", "page requests", "shading", "lighting"];
 
 /// Draws the times of passes as a figure with a legend. Each row has a name and the milliseconds of its passes.
 ///
