@@ -142,7 +142,7 @@ fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
 /// The times that were measured with one camera of the scene.
 struct Measured {
     camera: String,
-    /// Device times. The candidates are the [`candidates`].
+    /// Device times of all [`candidates`].
     device: Samples,
     /// Wall-clock times of the choice `auto`.
     wall: Samples,
@@ -197,7 +197,7 @@ fn measure(
     rounds::measure(&plan, &|| began.elapsed().as_secs_f64(), step, draw)
 }
 
-/// Measures the device times of all passes of each choice. The ratios of shading times and of geometry times decide how many rounds are drawn.
+/// Measures the device times of all passes of each candidate. The ratios of shading times and of geometry times decide how many rounds are drawn.
 fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let candidates = candidates();
     let wanted = wanted(|ratio| !ratio.is_share);

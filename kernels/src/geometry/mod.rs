@@ -1,8 +1,8 @@
 //! Geometry pass: draws the visible patches in phases, each with one indirect draw, into depth, stencil, classification mask and two normals.
 //!
-//! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`),
-//! stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One instance per
-//! patch. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
+//! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
+//! `near / distance`), stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane).
+//! Each patch is one instance. Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in
 //! `ARCHITECTURE.md`.
 
 use std::ops::Range;
