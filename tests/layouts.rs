@@ -10,7 +10,7 @@ use kernels::display::DisplayUniforms;
 use kernels::inspect::Inspected;
 use kernels::materials::PaletteEntry;
 use kernels::metrics;
-use kernels::metrics::{MeasureFrame, MeasureTile, SeedFrame};
+use kernels::metrics::{MeasureFrame, MeasurePart, SeedFrame};
 use kernels::motion::{self, MotionFrame};
 use kernels::occlusion::OcclusionPhase;
 use kernels::shared::flavour_weights::FlavourParams;
@@ -179,13 +179,25 @@ fn pairs() -> Vec<(&'static str, Layout)> {
         ("MotionFrame", host!(MotionFrame { past, lags, slot, tolerance, quarter, past_slots })),
         (
             "MeasureFrame",
-            host!(MeasureFrame { size, tiles, slot, lags, quarter, referenced, past_slots, memory_slot, memory_before, adaptation, pad_0 }),
+            host!(MeasureFrame {
+                size,
+                blocks,
+                slot,
+                lags,
+                quarter,
+                referenced,
+                past_slots,
+                memory_slot,
+                memory_before,
+                adaptation,
+                pad_0
+            }),
         ),
         ("OcclusionPhase", host!(OcclusionPhase { first, count, instances, pad_0 })),
         ("OcclusionBox", host!(PatchBox { low, pad_0, high, pad_1 })),
         (
-            "MeasureTile",
-            host!(MeasureTile {
+            "MeasurePart",
+            host!(MeasurePart {
                 links,
                 differences,
                 residuals,

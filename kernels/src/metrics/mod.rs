@@ -3,7 +3,7 @@
 //! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
 //! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed
 //! the same surface point one frame earlier. It also links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then
-//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums per tile and histograms are read back.
+//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums and histograms are read back.
 //! Memory does not grow with the number of frames.
 //!
 //! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
@@ -16,7 +16,6 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
-use crate::classification;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, ShaderModule, Timer, read_buffer};
 use crate::motion::NO_LINK;
@@ -45,7 +44,7 @@ const BINS_PER_OCTAVE: f64 = 16.0;
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MeasureFrame {
     pub size: [u32; 2],
-    pub tiles: [u32; 2],
+    pub blocks: [u32; 2],
     pub slot: u32,
     pub lags: u32,
     pub quarter: u32,
@@ -57,11 +56,22 @@ pub struct MeasureFrame {
     pub pad_0: u32,
 }
 
-/// The sums of one tile; the layout matches `MeasureTile` in `measure.wgsl`.
+/// Number of blocks of 64 x 8 pixels in each direction that cover a picture of `size` pixels.
+fn blocks(size: [u32; 2]) -> [u32; 2] {
+    [size[0].div_ceil(64), size[1].div_ceil(8)]
+}
+
+/// Number of parts of a picture: 8 per block.
+fn parts(size: [u32; 2]) -> u32 {
+    let [across, down] = blocks(size);
+    8 * across * down
+}
+
+/// The sums of one part; the layout matches `MeasurePart` in `measure.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct MeasureTile {
+pub struct MeasurePart {
     pub links: [u32; LAGS],
     pub differences: [f32; LAGS],
     pub residuals: [f32; LAGS],
@@ -213,29 +223,29 @@ impl Default for FrameSums {
 }
 
 impl FrameSums {
-    fn of(tiles: &[MeasureTile], histograms: &[u32]) -> FrameSums {
+    fn of(parts: &[MeasurePart], histograms: &[u32]) -> FrameSums {
         let bins = |from: usize| std::array::from_fn(|i| histograms.get(from + i).copied().unwrap_or(0));
         let mut sums = FrameSums { histogram: bins(0), residual_histogram: bins(BINS), ..FrameSums::default() };
-        for tile in tiles {
-            sums.terrain += u64::from(tile.terrain);
-            sums.invalid += u64::from(tile.invalid);
-            sums.fetches += u64::from(tile.fetches);
-            sums.tested += u64::from(tile.rejections & 255);
-            sums.rejected += u64::from(tile.rejections >> 8);
+        for part in parts {
+            sums.terrain += u64::from(part.terrain);
+            sums.invalid += u64::from(part.invalid);
+            sums.fetches += u64::from(part.fetches);
+            sums.tested += u64::from(part.rejections & 255);
+            sums.rejected += u64::from(part.rejections >> 8);
             for (i, lag) in sums.lags.iter_mut().enumerate() {
-                let word = tile.links[i];
-                lag.terrain += u64::from(if i == 0 { tile.terrain } else { tile.quarter_terrain });
+                let word = part.links[i];
+                lag.terrain += u64::from(if i == 0 { part.terrain } else { part.quarter_terrain });
                 lag.linked += u64::from(word & 255);
                 lag.chosen += u64::from(word >> 8 & 255);
                 lag.flipped += u64::from(word >> 16 & 255);
-                lag.difference += f64::from(tile.differences[i]);
+                lag.difference += f64::from(part.differences[i]);
                 lag.residual.add(&Residual {
                     compared: u64::from(word >> 24),
-                    sum: tile.residuals[i].into(),
-                    square: tile.residual_squares[i].into(),
-                    change_square: tile.change_squares[i].into(),
-                    reference_square: tile.reference_squares[i].into(),
-                    product: tile.products[i].into(),
+                    sum: part.residuals[i].into(),
+                    square: part.residual_squares[i].into(),
+                    change_square: part.change_squares[i].into(),
+                    reference_square: part.reference_squares[i].into(),
+                    product: part.products[i].into(),
                 });
             }
         }
@@ -281,7 +291,7 @@ pub struct Stream {
     pub track: Track,
     /// The ring of resolved pictures, and a buffer with the previous and the new history of the resolve; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
-    tiles: wgpu::Buffer,
+    parts: wgpu::Buffer,
     histogram: wgpu::Buffer,
     /// The remembered error of each surface point (see [`Meter::memory`]), in two slots: this frame and the previous frame. Without a reference, the
     /// buffer has one unused element.
@@ -354,7 +364,6 @@ impl Meter {
             cache: None,
         });
         let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let [columns, rows] = classification::tiles(size);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let ring = |label| gpu.buffer(label, usage, pixels * u64::from(SLOTS) * 8);
         // A binding cannot be empty. So without a reference sequence, the buffers for remembered errors and for reference pictures have one element,
@@ -366,7 +375,7 @@ impl Meter {
                 signal: ring("signal"),
                 track,
                 resolved: (track.resolve != Resolve::Off).then(|| [ring("resolved"), gpu.buffer("history", usage, pixels * 2 * 16)]),
-                tiles: gpu.buffer("measured tiles", usage, u64::from(columns * rows) * size_of::<MeasureTile>() as u64),
+                parts: gpu.buffer("measured parts", usage, u64::from(parts(size)) * size_of::<MeasurePart>() as u64),
                 histogram: gpu.buffer("differences", usage, 2 * BINS as u64 * 4),
                 memory: gpu.buffer("remembered errors", usage, of_error(pixels * 2 * 8)),
             })
@@ -427,12 +436,11 @@ impl Meter {
                 }
             }
         }
-        let [columns, rows] = classification::tiles(self.size);
         let [memory_slot, memory_before] = self.memory_slots();
         let frames = Signal::ALL.map(|signal| {
             let uniform = MeasureFrame {
                 size: self.size,
-                tiles: [columns, rows],
+                blocks: blocks(self.size),
                 slot: slots.now,
                 lags,
                 quarter: slots.quarter,
@@ -455,9 +463,9 @@ impl Meter {
         for stream in &self.streams {
             let signal = stream.track.signal as usize;
             pass.set_bind_group(0, &frames[signal], &[]);
-            let buffers = [stream.measured(), &stream.tiles, &stream.histogram, &self.references[signal], &stream.memory];
+            let buffers = [stream.measured(), &stream.parts, &stream.histogram, &self.references[signal], &stream.memory];
             pass.set_bind_group(1, &gpu.group("measured stream", &self.stream_layout, &buffers.map(|b| b.as_entire_binding())), &[]);
-            pass.dispatch_workgroups((columns * rows).div_ceil(64), 1, 1);
+            pass.dispatch_workgroups(parts(self.size).div_ceil(64), 1, 1);
         }
     }
 
@@ -468,12 +476,12 @@ impl Meter {
     /// When the device is lost.
     pub fn read(&mut self, gpu: &Gpu) -> Result<Vec<FrameSums>> {
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let size = |stream: &Stream| stream.tiles.size() + stream.histogram.size();
+        let size = |stream: &Stream| stream.parts.size() + stream.histogram.size();
         let all = gpu.buffer("sums", usage, self.streams.iter().map(size).sum::<u64>().max(4));
         let mut encoder = gpu.encoder("sums");
         let mut at = 0;
         for stream in &self.streams {
-            for buffer in [&stream.tiles, &stream.histogram] {
+            for buffer in [&stream.parts, &stream.histogram] {
                 encoder.copy_buffer_to_buffer(buffer, 0, &all, at, buffer.size());
                 at += buffer.size();
             }
@@ -483,12 +491,12 @@ impl Meter {
         let mut left = bytes.as_slice();
         let mut sums = Vec::with_capacity(self.streams.len());
         for stream in &self.streams {
-            let (tiles, rest) = left.split_at(usize::try_from(stream.tiles.size()).unwrap_or(0));
+            let (parts, rest) = left.split_at(usize::try_from(stream.parts.size()).unwrap_or(0));
             let (bins, rest) = rest.split_at(2 * BINS * 4);
             left = rest;
-            let tiles: Vec<MeasureTile> = bytemuck::pod_collect_to_vec(tiles);
+            let parts: Vec<MeasurePart> = bytemuck::pod_collect_to_vec(parts);
             let bins: Vec<u32> = bytemuck::pod_collect_to_vec(bins);
-            sums.push(FrameSums::of(&tiles, &bins));
+            sums.push(FrameSums::of(&parts, &bins));
         }
         self.index += 1;
         for (referenced, written) in self.referenced.iter_mut().zip(&mut self.written) {
