@@ -8,6 +8,7 @@ use kernels::metrics::Track;
 use kernels::motion::reference::{Seen, link};
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::shared::motion::in_quarter;
+use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::NEAR_M;
 
@@ -55,7 +56,9 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
         }
     });
     let layers = Layers::new(gpu(), SIZE);
-    let mut meter = renderer.meter(SIZE, &[Track::default()], None).expect("the passes compile");
+    // Positions are only written for streams with a resolve.
+    let track = Track { resolve: Resolve::Exponential, ..Track::default() };
+    let mut meter = renderer.meter(SIZE, &[track], None).expect("the passes compile");
     let [right, up, forward] = base.view.pose.axes();
     let mut frames: Vec<Seen> = Vec::new();
     let mut before: Vec<u32> = Vec::new();

@@ -14,7 +14,7 @@ mod timer;
 mod upload;
 pub mod uses;
 
-pub use readback::{TextureReading, read_buffer, read_texture};
+pub use readback::{TextureReading, read_buffer, read_ranges, read_texture};
 pub use recording::{CLEAR, Recording};
 pub use shader::{Shader, ShaderModule, constants};
 pub use sources::Sources;

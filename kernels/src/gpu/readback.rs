@@ -1,5 +1,7 @@
 //! Reads GPU memory back to the host.
 
+use std::ops::Range;
+
 use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 
@@ -8,10 +10,23 @@ use crate::gpu::Gpu;
 /// # Errors
 /// When the device is lost.
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
-    let size = size.next_multiple_of(4);
-    let staging = staging(gpu, size);
+    read_ranges(gpu, &[(buffer, 0..size.next_multiple_of(4))])
+}
+
+/// Reads ranges of buffers with usage `COPY_SRC`, and returns their bytes one after another. The bounds of a range are bytes and multiples of 4. Waits
+/// for the device once, because each wait costs time.
+///
+/// # Errors
+/// When the device is lost.
+pub fn read_ranges(gpu: &Gpu, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<u8>> {
+    let staging = staging(gpu, ranges.iter().map(|(_, range)| range.end - range.start).sum::<u64>().max(4));
     let mut encoder = gpu.encoder("read-back");
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+    let mut at = 0;
+    for (buffer, range) in ranges {
+        let size = range.end - range.start;
+        encoder.copy_buffer_to_buffer(buffer, range.start, &staging, at, size);
+        at += size;
+    }
     wait(gpu, encoder, std::slice::from_ref(&staging))?;
     mapped(&staging, |bytes| bytes.to_vec())
 }

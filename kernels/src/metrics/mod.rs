@@ -17,7 +17,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, ShaderModule, Timer, read_buffer};
+use crate::gpu::{Gpu, ShaderModule, Timer, read_ranges};
 use crate::motion::NO_LINK;
 use crate::motion::{LAGS, Motion, SLOTS, Slots};
 use crate::shared;
@@ -386,7 +386,7 @@ impl Meter {
             gpu.buffer("reference pictures", usage, bytes)
         });
         let temporal = if tracks.iter().any(|track| track.resolve != Resolve::Off) { Some(Temporal::new(gpu)?) } else { None };
-        let motion = Motion::new(gpu, frame_uniforms, size)?;
+        let motion = Motion::new(gpu, frame_uniforms, size, temporal.is_some())?;
         let adaptation = viewing.map_or(1.0, |viewing| viewing.adaptation()) as f32;
         gpu.check()?;
         Ok(Meter {
@@ -475,19 +475,8 @@ impl Meter {
     /// # Errors
     /// When the device is lost.
     pub fn read(&mut self, gpu: &Gpu) -> Result<Vec<FrameSums>> {
-        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let size = |stream: &Stream| stream.parts.size() + stream.histogram.size();
-        let all = gpu.buffer("sums", usage, self.streams.iter().map(size).sum::<u64>().max(4));
-        let mut encoder = gpu.encoder("sums");
-        let mut at = 0;
-        for stream in &self.streams {
-            for buffer in [&stream.parts, &stream.histogram] {
-                encoder.copy_buffer_to_buffer(buffer, 0, &all, at, buffer.size());
-                at += buffer.size();
-            }
-        }
-        gpu.queue.submit([encoder.finish()]);
-        let bytes = read_buffer(gpu, &all, at)?;
+        let buffers = self.streams.iter().flat_map(|stream| [&stream.parts, &stream.histogram]);
+        let bytes = read_ranges(gpu, &buffers.map(|buffer| (buffer, 0..buffer.size())).collect::<Vec<_>>())?;
         let mut left = bytes.as_slice();
         let mut sums = Vec::with_capacity(self.streams.len());
         for stream in &self.streams {
@@ -582,10 +571,6 @@ impl Meter {
 /// # Errors
 /// When the device is lost.
 pub fn read_signal(gpu: &Gpu, buffer: &wgpu::Buffer, offset: u32, pixels: u32) -> Result<Vec<[u32; 2]>> {
-    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let part = gpu.buffer("signal", usage, u64::from(pixels) * 8);
-    let mut encoder = gpu.encoder("signal");
-    encoder.copy_buffer_to_buffer(buffer, u64::from(offset) * 8, &part, 0, u64::from(pixels) * 8);
-    gpu.queue.submit([encoder.finish()]);
-    Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &part, u64::from(pixels) * 8)?))
+    let [first, end] = [offset, offset + pixels].map(|pixel| u64::from(pixel) * 8);
+    Ok(bytemuck::pod_collect_to_vec(&read_ranges(gpu, &[(buffer, first..end)])?))
 }

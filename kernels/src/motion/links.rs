@@ -19,7 +19,7 @@ impl Links {
     /// # Errors
     /// When the shader does not compile or the device is out of memory.
     pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Links> {
-        let motion = Motion::new(gpu, frame_layout, size)?;
+        let motion = Motion::new(gpu, frame_layout, size, false)?;
         gpu.check()?;
         Ok(Links { motion, size, index: 0 })
     }

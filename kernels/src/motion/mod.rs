@@ -79,18 +79,19 @@ pub struct Motion {
     distances: wgpu::Buffer,
     /// Index of the linked pixel, for each lag and pixel; [`NO_LINK`] = there is no linked pixel.
     pub links: wgpu::Buffer,
-    /// Position of each pixel's surface point one frame earlier, pixels.
+    /// Position of each pixel's surface point one frame earlier, pixels. Zero if the pass does not write positions.
     pub positions: wgpu::Buffer,
     /// Views of the earlier frames, the latest first.
     views: Vec<View>,
 }
 
 impl Motion {
-    /// Compiles the pass and allocates its buffers for pictures of `size` pixels.
+    /// Compiles the pass and allocates its buffers for pictures of `size` pixels. `has_positions`: whether the pass writes the exact positions of the
+    /// surface points ([`Motion::positions`]), which only resolves need.
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Motion> {
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2], has_positions: bool) -> Result<Motion> {
         let stage = wgpu::ShaderStages::COMPUTE;
         let targets_layout = gpu.layout("motion targets", stage, &[Binding::Depth, Binding::TextureLoaded(FLAT)]);
         let written = Binding::StorageWritten;
@@ -101,7 +102,10 @@ impl Motion {
             layout: Some(&gpu.pipeline_layout("motion", &[frame_layout, &targets_layout, &layout])),
             module: &shader.module,
             entry_point: Some("motion_main"),
-            compilation_options: Default::default(),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &[("MOTION_POSITIONS", f64::from(u8::from(has_positions)))],
+                ..Default::default()
+            },
             cache: None,
         });
         let pixels = u64::from(size[0]) * u64::from(size[1]);

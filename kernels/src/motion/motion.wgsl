@@ -18,8 +18,12 @@ struct MotionFrame {
 // For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the pixels
 // of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
-// For each pixel, the exact position of its surface point one frame earlier, pixels; -1e9 = the point was not seen.
+// For each pixel, the exact position of its surface point one frame earlier, pixels; -1e9 = the point was not seen. Written only with
+// MOTION_POSITIONS.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
+
+// Whether `positions` is written. Only resolves read it.
+override MOTION_POSITIONS: bool = true;
 
 // The surface point of a pixel in this frame.
 struct MotionPoint {
@@ -75,7 +79,9 @@ fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
         let found = motion_find(seen, 0u);
         distances[motion.slot + at] = seen.distance;
         links[at] = found.link;
-        positions[at] = found.position;
+        if MOTION_POSITIONS {
+            positions[at] = found.position;
+        }
     }
     let x = motion_of_quarter(first, row, motion.quarter);
     if x >= frame.size.x {
