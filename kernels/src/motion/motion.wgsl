@@ -63,17 +63,18 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
     return MotionFound(there, was.xy);
 }
 
-// One invocation handles four pixels of a row, one of which belongs to the quarter. Lags 2 to 4 of that pixel are computed after the loop and not by
-// a branch in the loop. With a branch, a processor that runs its lanes in lockstep would execute this code for all four pixels.
+// A row of the workgroup handles 128 neighbouring pixels. At lag 1, each invocation links four of them, 32 pixels apart, so that neighbouring
+// invocations read neighbouring pixels. At lags 2 to 4, it links the pixel of the quarter among four neighbours. This is not a branch in the loop: a
+// processor that runs its lanes in lockstep would execute the branch for all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;
     let row = id.y;
-    let first = id.x * 4u;
-    if row >= frame.size.y || first >= frame.size.x {
+    if row >= frame.size.y {
         return;
     }
-    for (var x = first; x < min(first + 4u, frame.size.x); x++) {
+    let begin = id.x / 32u * 128u + id.x % 32u;
+    for (var x = begin; x < min(begin + 128u, frame.size.x); x += 32u) {
         let at = row * frame.size.x + x;
         let seen = motion_point(vec2<u32>(x, row));
         let found = motion_find(seen, 0u);
@@ -83,6 +84,7 @@ fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
             positions[at] = found.position;
         }
     }
+    let first = id.x * 4u;
     let x = motion_of_quarter(first, row, motion.quarter);
     if x >= frame.size.x {
         return;
