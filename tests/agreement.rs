@@ -859,7 +859,7 @@ const CASES: &[Case] = &[
             // In this order: a vertex halfway between two vertices of the neighbour moves to the one with the higher index instead of the lower;
             // vertices on the western border do not move; vertices on the southern border use the LOD difference (delta) of the western neighbour.
             ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
-            ("geometry/stitch.wgsl", "if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
+            ("geometry/stitch.wgsl", "if index.x == first.x { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
             ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
         ],
     },

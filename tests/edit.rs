@@ -207,7 +207,18 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     };
     // At the coarsest levels, the neighbour of a drawn node may be a root of the quadtree that is not split, and borders are welded over many
     // patches. The camera is turned in steps, so that in some of the pictures such patches extend beyond the edge of the picture.
-    for (vertex_stride, lod_bias) in [(1, 0.0), (2, 0.0), (4, 0.0), (1, 4.0), (2, 3.0), (4, 4.0)] {
+    let cases = [
+        (1, 0.0, 0.0),
+        (2, 0.0, 0.0),
+        (4, 0.0, 0.0),
+        (1, 4.0, 0.0),
+        (2, 3.0, 0.0),
+        (4, 4.0, 0.0),
+        (1, 0.0, 0.5),
+        (2, 0.0, 4.0),
+        (1, 3.0, 16.0),
+    ];
+    for (vertex_stride, lod_bias, error_px) in cases {
         for camera in ["ground", "vista", "cliff"] {
             for turn in (0..12).step_by(if lod_bias > 0.0 { 1 } else { 4 }) {
                 let mut pose = pose(&renderer, camera);
@@ -216,10 +227,14 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
                     r.view.pose = pose;
                     r.geometry.vertex_stride = vertex_stride;
                     r.geometry.lod_bias = lod_bias;
+                    r.geometry.error_px = error_px;
                 });
                 let picture = renderer.render(&request).expect("renders");
                 let holes = sky_below_ground(&picture);
-                assert_eq!(holes, 0, "{camera}, {turn} twelfths: sky through the ground, stride {vertex_stride}, bias {lod_bias}");
+                assert_eq!(
+                    holes, 0,
+                    "{camera}, {turn} twelfths: sky through the ground, stride {vertex_stride}, bias {lod_bias}, error {error_px} px"
+                );
             }
         }
     }

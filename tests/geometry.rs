@@ -21,21 +21,29 @@ use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::shared::hash;
 use kernels::terrain::reference::{Ground, Spot};
 use kernels::variant::{Flavour, Variant};
-use kernels::view::camera::Pose;
+use kernels::view::camera::{NEAR_M, Pose};
 use kernels::view::normals::NormalEncoding;
-use kernels::world::World;
+use kernels::world::payload::diagonal_rises;
+use kernels::world::{LODS, NodeId, World};
 
 use crate::fixtures::{Folder, SIZE, gpu, island, pose, request, second_renderer, terrain};
 use crate::shading::{self, Seen};
 
+/// Index of a vertex, the south-west corner of a patch, its number of quads along a side, and its deltas.
+type Row = ([u32; 2], [u32; 2], u32, u32);
+
 /// Returns rows for the test. Each row contains the index of a vertex and the deltas of its node. A delta is the number of levels by which the
 /// neighbour on one side is coarser; the deltas of the four sides are packed with 4 bits each. The rows contain every border vertex and some inner
 /// vertices, and every delta from 0 to 5 on every side.
-fn rows() -> Vec<([u32; 2], u32)> {
+fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for deltas in (0..6u32).flat_map(|d| [d, d << 4, d << 8, d << 12, d | d << 4 | d << 8 | d << 12, d | (5 - d) << 4]) {
         for i in 0..=128 {
-            rows.extend([[i, 0], [i, 128], [0, i], [128, i], [i, 64], [i, 127 - i / 2]].map(|index| (index, deltas)));
+            rows.extend([[i, 0], [i, 128], [0, i], [128, i], [i, 64], [i, 127 - i / 2]].map(|index| (index, [0, 0], 128, deltas)));
+            // The sides of a patch that lies in the node.
+            let first = [16 * (i % 7), 16 * (i / 20)];
+            let [k, deltas] = [i % 17, deltas & 0x7777];
+            rows.extend([[k, 0], [k, 16], [0, k], [16, k], [k, 8]].map(|[x, y]| ([first[0] + x, first[1] + y], first, 16, deltas)));
         }
     }
     rows
@@ -44,18 +52,25 @@ fn rows() -> Vec<([u32; 2], u32)> {
 /// Stitches all rows on the GPU, with the functions whose names begin with `prefix`. `wgsl` is added to the shader.
 fn on_gpu(wgsl: &str, prefix: &str) -> Vec<[u32; 2]> {
     let body = format!(
-        "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
-    let kept = {prefix}_stitch(vec2<u32>(u32(row[0]), u32(row[1])), u32(row[2]));
+        "{wgsl}\nfn probe(row: array<f32, 5>) -> array<f32, 2> {{
+    let at = vec2<u32>(u32(row[0]), u32(row[1]));
+    let first = vec2<u32>(u32(row[3]) % 128u, u32(row[3]) / 128u);
+    let kept = {prefix}_stitch(at, first, u32(row[4]), u32(row[2]));
     return array<f32, 2>(f32(kept.x), f32(kept.y));
 }}"
     );
-    let inputs: Vec<f32> = rows().iter().flat_map(|(i, d)| [i[0] as f32, i[1] as f32, *d as f32]).collect();
-    let out = table::run(gpu(), &body, &inputs, 3, 2).expect("the probe runs");
+    let inputs: Vec<f32> =
+        rows().iter().flat_map(|(i, first, quads, d)| [i[0], i[1], *d, first[0] + 128 * first[1], *quads].map(|n| n as f32)).collect();
+    let out = table::run(gpu(), &body, &inputs, 5, 2).expect("the probe runs");
     out.chunks_exact(2).map(|c| [c[0] as u32, c[1] as u32]).collect()
 }
 
 fn differences(found: &[[u32; 2]]) -> usize {
-    found.iter().zip(rows()).filter(|(kept, (index, deltas))| **kept != reference::stitch(*index, *deltas)).count()
+    found
+        .iter()
+        .zip(rows())
+        .filter(|(kept, (index, first, quads, deltas))| **kept != reference::stitch(*index, *first, *quads, *deltas))
+        .count()
 }
 
 #[test]
@@ -172,6 +187,7 @@ fn culling_changes_no_pixel() {
             r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
             r.outputs.lit = false;
             r.geometry.vertex_stride = [1, 1, 1, 4, 2][case % 5];
+            r.geometry.error_px = [0.0, 0.0, 0.0, 0.5, 4.0, 0.0, 16.0][case % 7];
             r.view.jitter = [0.25 * (case % 3) as f64, 0.0];
         });
         let (expected, all) = geometry_of(&mut renderer, &request, Culls::FRUSTUM);
@@ -186,6 +202,82 @@ fn culling_changes_no_pixel() {
     }
     println!("{} of {} patches are drawn, {hidden} hidden, {facing_away} facing away", drawn[1], drawn[0]);
     assert!(drawn[1] < drawn[0] && hidden > 1000 && facing_away > 50, "{drawn:?} {hidden} {facing_away}");
+}
+
+/// Elevation of the surface of a node at a position, metres, if all of its vertices are drawn.
+fn surface_m(world: &World, node: NodeId, at: DVec2) -> f64 {
+    let at = (at - node.origin_m(world.layout())) / world.layout().spacing_m(node.lod);
+    let corner = at.floor().clamp(DVec2::ZERO, DVec2::splat(127.0));
+    let (i, j) = (corner.x as u32, corner.y as u32);
+    let DVec2 { x: u, y: v } = at - corner;
+    let [sw, se, nw, ne] = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|vertex| world.vertex_elevation_m(node, vertex));
+    match (diagonal_rises(i as usize, j as usize), v > u, u + v > 1.0) {
+        (true, false, _) => sw + u * (se - sw) + v * (ne - se),
+        (true, true, _) => sw + v * (nw - sw) + u * (ne - nw),
+        (false, _, false) => sw + u * (se - sw) + v * (nw - sw),
+        (false, _, true) => ne + (1.0 - u) * (nw - ne) + (1.0 - v) * (se - ne),
+    }
+}
+
+#[test]
+fn the_ground_moves_by_at_most_the_geometry_error() {
+    let mut renderer = second_renderer();
+    const SIZE: [u32; 2] = [240, 135];
+    let layout = *renderer.world().layout();
+    for camera in ["cliff", "ground", "vista"] {
+        let mut triangles_of_all = 0;
+        let mut sky_of_all = Vec::new();
+        for error_px in [0.0, 0.5, 2.0] {
+            let request = RenderRequest::new(pose(&renderer, camera), SIZE).with(|r| {
+                r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+                r.outputs.lit = false;
+                r.geometry.error_px = error_px;
+            });
+            let frame = renderer.draw(&request).expect("draws");
+            let depth =
+                read_texture(gpu(), &frame.targets().geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4).expect("the device works");
+            let depth: Vec<f32> = bytemuck::pod_collect_to_vec(&depth);
+            let (triangles, drawn) = (frame.report().triangles, frame.report().drawn.clone());
+            let (view, world) = (renderer.view(&request), renderer.world());
+            let on_screen = |place: DVec3| {
+                let clip = view.clip_from_local * (place - view.pose.position + view.camera).extend(1.0);
+                DVec2::new(0.5 * f64::from(SIZE[0]) * clip.x, 0.5 * f64::from(SIZE[1]) * clip.y) / clip.w
+            };
+            // For each pixel of terrain, how far the surface is from that of all vertices, in pixels on the screen.
+            let mut moved: Vec<f64> = (0..SIZE[0] * SIZE[1])
+                .filter(|&pixel| depth[pixel as usize] > 0.0)
+                .filter_map(|pixel| {
+                    let place = oracle::place_at(&view, [pixel % SIZE[0], pixel / SIZE[0]], NEAR_M / f64::from(depth[pixel as usize]));
+                    let node = (0..LODS).filter_map(|lod| layout.node_at(lod, place.x, place.y)).find(|node| drawn.contains(node))?;
+                    let all_vertices = place.truncate().extend(surface_m(world, node, place.truncate()));
+                    Some(on_screen(place).distance(on_screen(all_vertices)))
+                })
+                .collect();
+            moved.sort_by(f64::total_cmp);
+            let beyond = |limit: f64| moved.iter().filter(|px| **px > limit).count() as f64 / moved.len() as f64;
+            let share = |percent: usize| moved[(moved.len() - 1) * percent / 100];
+            let sky: Vec<bool> = depth.iter().map(|depth| *depth == 0.0).collect();
+            if error_px == 0.0 {
+                (triangles_of_all, sky_of_all) = (triangles, sky.clone());
+            }
+            let outline = sky.iter().zip(&sky_of_all).filter(|(a, b)| a != b).count() as f64 / sky.len() as f64;
+            println!(
+                "{camera}, {error_px} px: {triangles} triangles, moved by {:.3} (median), {:.3} (99 %), {:.3} (most), outline {outline:.5}",
+                share(50),
+                share(99),
+                share(100)
+            );
+            // Where nodes of different LODs meet, a part of a patch is welded to the vertices of a coarser node, whose surface differs. Positions are
+            // computed from depths of f32 and pixels, so they are off by up to 0.01 pixels.
+            assert!(beyond(error_px + 0.01) < 0.01, "{camera}, {error_px} px: {}", beyond(error_px + 0.01));
+            assert!(outline < 0.005, "{camera}, {error_px} px: {outline}");
+            if error_px > 0.0 {
+                assert!(triangles < triangles_of_all * 9 / 10, "{camera}, {error_px} px: {triangles} of {triangles_of_all}");
+                // Negative control: the error is used.
+                assert!(share(99) > error_px / 10.0, "{camera}, {error_px} px: {}", share(99));
+            }
+        }
+    }
 }
 
 /// A request for a picture straight down from 6 m above the ground at a position: about 10 m x 7 m of ground. North is at the top of the picture.

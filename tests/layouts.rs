@@ -5,6 +5,7 @@ use std::mem::offset_of;
 use kernels::base::wgsl::{self, Piece};
 use kernels::classification;
 use kernels::composition::CompositionStream;
+use kernels::culling;
 use kernels::culling::{Patch, PatchBox};
 use kernels::display::DisplayUniforms;
 use kernels::inspect::Inspected;
@@ -12,7 +13,7 @@ use kernels::materials::PaletteEntry;
 use kernels::metrics;
 use kernels::metrics::{MeasureFrame, MeasurePart, SeedFrame};
 use kernels::motion::{self, MotionFrame};
-use kernels::occlusion::OcclusionPhase;
+use kernels::occlusion::OcclusionBatch;
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::motion::MotionPast;
 use kernels::temporal::TemporalFrame;
@@ -193,7 +194,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 pad_0
             }),
         ),
-        ("OcclusionPhase", host!(OcclusionPhase { first, count, instances, pad_0 })),
+        ("OcclusionBatch", host!(OcclusionBatch { first, count, order, instances })),
         ("OcclusionBox", host!(PatchBox { low, pad_0, high, pad_1 })),
         (
             "MeasurePart",
@@ -323,6 +324,7 @@ fn constants_that_the_host_hands_over_arrive() {
         (&shading, "TERRAIN_SECTORS", f64::from(world::SECTORS)),
         (&shading, "TERRAIN_LODS", f64::from(world::LODS)),
         (&geometry, "GEOMETRY_NODE_QUADS", f64::from(world::NODE_QUADS)),
+        (&geometry, "GEOMETRY_PATCH_QUADS", f64::from(culling::PATCH_QUADS)),
     ];
     for (module, name, host) in expected {
         assert_eq!(module.get(name), Some(&host), "{name}");

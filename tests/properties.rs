@@ -4,11 +4,13 @@
 //! The last part of this file calls the functions with arguments of arbitrary bit patterns, including NaN and infinities. Results that are documented
 //! as finite must be finite. All random arguments are drawn with fixed seeds. The library proptest simplifies a case that fails, and prints it.
 
+use std::collections::{BTreeSet, HashMap};
+
 use glam::{DVec2, DVec3, DVec4};
 use kernels::base::names::nearest;
 use kernels::blocks;
 use kernels::blocks::{BlockFormat, Effort};
-use kernels::culling::{self, Conditions, Culls, DrawnNode};
+use kernels::culling::{self, Conditions, Culls, DrawnNode, Levels};
 use kernels::decode::heightmap::Heightmap;
 use kernels::geometry::reference as geometry;
 use kernels::quadtree::{self, NodeBounds, PatchBounds};
@@ -989,6 +991,13 @@ fn node() -> impl Strategy<Value = NodeId> {
     })
 }
 
+/// What the patches on one side of a line contribute to it.
+#[derive(Default)]
+struct Border {
+    vertices: BTreeSet<[u64; 2]>,
+    covered: BTreeSet<u64>,
+}
+
 proptest! {
     #![proptest_config(cases(500))]
 
@@ -999,50 +1008,65 @@ proptest! {
         prop_assert_eq!(geometry::weld(kept, delta), kept);
         prop_assert!(geometry::weld(x.min(other), delta) <= geometry::weld(x.max(other), delta), "welding keeps the order");
         // Stitching a stitched vertex changes nothing.
-        let stitched = geometry::stitch([x, y], deltas);
-        prop_assert_eq!(geometry::stitch(stitched, deltas), stitched);
+        let stitched = geometry::stitch([x, y], [0, 0], 128, deltas);
+        prop_assert_eq!(geometry::stitch(stitched, [0, 0], 128, deltas), stitched);
         if (1..128).contains(&x) && (1..128).contains(&y) {
             prop_assert_eq!(stitched, [x, y], "vertices inside a node must not move");
         }
         // Two neighbouring nodes of the same level must weld the vertices of their common edge in the same way.
-        let (east, west) = (geometry::stitch([128, y], delta << 8), geometry::stitch([0, y], delta));
+        let (east, west) = (geometry::stitch([128, y], [0, 0], 128, delta << 8), geometry::stitch([0, y], [0, 0], 128, delta));
         prop_assert_eq!(east[1], west[1]);
     }
 
     #[test]
-    fn deltas_see_only_coarser_neighbours(
-        node in node(),
-        around in vec(0..6u8, 4),
-        column in 0..8u32,
-        row in 0..8u32,
-        log2_stride in 0..3u32,
-    ) {
-        let side = usize::from(SECTORS);
-        let edge = 1usize << node.lod;
-        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
-        let mut map = vec![node.lod; side * side];
-        for (i, &lod) in around.iter().enumerate() {
-            for k in 0..edge {
-                let (beyond_x, beyond_y) = ((x + edge).min(side - 1), (y + edge).min(side - 1));
-                let (before_x, before_y) = (x.saturating_sub(1), y.saturating_sub(1));
-                let (sx, sy) = [(x + k, beyond_y), (beyond_x, y + k), (x + k, before_y), (before_x, y + k)][i];
-                // At the border of the world there is no neighbour. The clamped index is then a sector of the node itself, whose LOD must not be
-                // replaced.
-                if !(x..x + edge).contains(&sx) || !(y..y + edge).contains(&sy) {
-                    map[sy * side + sx] = lod;
-                }
+    fn patches_on_both_sides_of_a_line_have_the_same_vertices(splits in vec(any::<bool>(), 60), strides in vec(0..5u8, 64), most in 0..5u8, least in 0..3u8) {
+        // Two nodes of LOD 5, which are divided into nodes of random LODs.
+        let mut open = vec![NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 5, x: 2, y: 1 }];
+        let mut splits = splits.into_iter();
+        let mut nodes = Vec::new();
+        while let Some(node) = open.pop() {
+            if node.lod > 0 && splits.next() == Some(true) {
+                open.extend(node.children());
+            } else {
+                nodes.push(node);
             }
         }
-        let packed = culling::pack_deltas(node, [column, row], &map, 1 << log2_stride);
-        for (i, &lod) in around.iter().enumerate() {
-            let at_border = [row == 7, column == 7, row == 0, column == 0][i];
-            let outside = [y + edge == side, x + edge == side, y == 0, x == 0][i];
-            let delta = packed >> (12 - 4 * i) & 15;
-            let coarser = u32::from(lod.saturating_sub(node.lod));
-            let wanted = if at_border && !outside && coarser > 0 { coarser + log2_stride } else { 0 };
-            prop_assert_eq!(delta, wanted, "side {}", i);
-            prop_assert_eq!(culling::delta(node.lod, lod), coarser);
+        let levels = Levels::new(&nodes, least, |node, [column, row]| {
+            let node = nodes[node];
+            let index = 7 * usize::from(node.x) + 13 * usize::from(node.y) + 3 * column as usize + 5 * row as usize;
+            strides[index % 64].min(most)
+        });
+        // For each line on which sides of patches lie, the vertices that belong to it and the parts of it that are covered: once for the patches south or west of
+        // the line, once for the others. A line is vertical or horizontal, and has one coordinate. All coordinates are in quads of LOD 0; a part has
+        // 16 of them.
+        let mut lines: HashMap<(usize, u64), [Border; 2]> = HashMap::new();
+        for (&node, patch) in nodes.iter().flat_map(|node| (0..64u32).map(move |i| (node, [i % 8, i / 8]))) {
+            let (stride, deltas) = (1 << levels.log2_stride(node, patch), levels.deltas(node, patch));
+            let first = patch.map(|n| n * 16);
+            let place = |index: [u32; 2]| [(index[0], node.x), (index[1], node.y)].map(|(i, n)| (u64::from(n) * 128 + u64::from(i)) << node.lod);
+            for (axis, far) in [(0, false), (0, true), (1, false), (1, true)] {
+                let Border { vertices, covered } = &mut lines.entry((axis, place(first.map(|at| at + if far { 16 } else { 0 }))[axis])).or_default()[usize::from(far)];
+                for k in (0..=16).step_by(stride) {
+                    let mut index = first;
+                    index[axis] += if far { 16 } else { 0 };
+                    index[1 - axis] += k;
+                    let kept = geometry::stitch(index, first, 16, deltas);
+                    let at = place(kept);
+                    vertices.insert([at[1 - axis], at[axis]]);
+                }
+                let parts = [0, 16].map(|k| place(first.map(|at| at + k))[1 - axis] / 16);
+                covered.extend(parts[0]..parts[1]);
+            }
         }
+        let mut compared = 0;
+        for (line, [before, after]) in &lines {
+            let is_covered = |part: u64| before.covered.contains(&part) && after.covered.contains(&part);
+            for place in before.vertices.union(&after.vertices).filter(|[along, _]| is_covered(along / 16) && is_covered((along - 1) / 16)) {
+                prop_assert!(before.vertices.contains(place) && after.vertices.contains(place), "line {:?}, {:?}: {:?}", line, place, nodes);
+                compared += 1;
+            }
+        }
+        prop_assert!(compared > 100, "{}", compared);
     }
 
     #[test]
@@ -1064,11 +1088,11 @@ proptest! {
         let (low, high) = quadtree::local_box(node, bounds, &layout, &frozen);
         let local = frozen.camera + offset;
         prop_assert!((low - 1e-6).cmple(local).all() && local.cmple(high + 1e-6).all());
-        let map = quadtree::lod_map(&[node]);
+        let levels = Levels::new(&[node], 0, |_, _| 0);
         let cone = Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 1.0 };
-        let own = [PatchBounds { height_m: bounds.height_m, cone }; 64];
+        let own = [PatchBounds { height_m: bounds.height_m, errors_m: [f64::INFINITY; 4], cone }; 64];
         let drawn = DrawnNode { node, slot: 3, bounds, patches: &own };
-        let conditions = Conditions { layout: &layout, lod_map: &map, rounding_m: 0.0, stride: 1, culls: Culls::ALL };
+        let conditions = Conditions { layout: &layout, levels: &levels, rounding_m: 0.0, culls: Culls::ALL };
         let patches = culling::cull(&[drawn], [&view, &frozen], conditions).patches;
         let within = (place.truncate() - node.origin_m(&layout)) / layout.node_m(lod) * f64::from(culling::PATCHES);
         let wanted = [within.x, within.y].map(|v| (v as u32).min(culling::PATCHES - 1));

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use kernels::blocks::{self, BlockFormat, Effort};
-use kernels::culling::{self, Conditions, Culled, Culls, DrawnNode, PATCHES};
+use kernels::culling::{self, Conditions, Culled, Culls, DrawnNode, Levels, PATCHES};
 use kernels::quadtree::{self, NodeBounds, PatchBounds};
 use kernels::scene::{self, FlavourRules};
 use kernels::shared::flavour_weights::FlavourParams;
@@ -166,13 +166,14 @@ fn exactly_the_patches_in_view_are_drawn() {
 
 /// The bounds of a horizontal patch.
 fn flat() -> PatchBounds {
-    PatchBounds { height_m: [10.0, 60.0], cone: Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 0.0 } }
+    PatchBounds { height_m: [10.0, 60.0], errors_m: [50.0; 4], cone: Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 0.0 } }
 }
 
 /// Culls the patches of the first node. All nodes are in the LOD map.
 fn cull(layout: &Layout, nodes: &[NodeId], bounds: NodeBounds, patches: &[PatchBounds], view: &View, stride: u32, culls: Culls) -> Culled {
     let drawn = DrawnNode { node: nodes[0], slot: 7, bounds, patches };
-    let conditions = Conditions { layout, lod_map: &quadtree::lod_map(nodes), rounding_m: 0.0, stride, culls };
+    let levels = Levels::new(nodes, stride.ilog2() as u8, |_, _| 0);
+    let conditions = Conditions { layout, levels: &levels, rounding_m: 0.0, culls };
     culling::cull(&[drawn], [view, view], conditions)
 }
 
@@ -186,7 +187,7 @@ fn patches_that_face_away_are_dropped_unless_other_triangles_are_drawn() {
     let cone = |slope: f64, sin_half_angle: f64| Cone { axis: [0.0, slope.sin(), slope.cos()], sin_half_angle };
     let [to_camera, away] = [cone(-0.8, 0.1), cone(1.3, 0.1)];
     let patches: Vec<PatchBounds> =
-        (0..64).map(|i| PatchBounds { height_m: [20.0, 40.0], cone: if i < 32 { to_camera } else { away } }).collect();
+        (0..64).map(|i| PatchBounds { height_m: [20.0, 40.0], cone: if i < 32 { to_camera } else { away }, ..flat() }).collect();
     let bounds = NodeBounds { height_m: [20.0, 40.0] };
     let count = |nodes: &[NodeId], patches: &[PatchBounds], stride, back_faces| {
         let culled = cull(&layout, nodes, bounds, patches, &view, stride, Culls { back_faces, ..Culls::ALL });
@@ -209,13 +210,18 @@ fn patches_that_face_away_are_dropped_unless_other_triangles_are_drawn() {
 
 #[test]
 fn the_bounds_of_a_patch_hold_its_vertices() {
-    let scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
+    let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
+    let centre = NodeId { lod: 0, x: 80, y: 80 }.origin_m(World::new(&scene).expect("a world").layout()) + 20.0;
+    if let scene::World::Procedural { holes, .. } = &mut scene.world {
+        holes.push(scene::Hole { centre: centre.to_array(), radius_m: 10.0 });
+    }
     let world = World::new(&scene).expect("a procedural world needs no files");
     let means = PaletteMeans {
         albedo: vec![[0.5; 3]; scene.materials.len()],
         smoothness: vec![0.5; scene.materials.len()],
         specular_occlusion: vec![1.0; scene.materials.len()],
     };
+    let (mut whole, mut open) = (0, 0);
     let nodes = [NodeId { lod: 0, x: 80, y: 80 }, NodeId { lod: 3, x: 9, y: 11 }];
     for baked in world.bake_many(&nodes, &means, || ()) {
         let payload = baked.payload;
@@ -227,11 +233,20 @@ fn the_bounds_of_a_patch_hold_its_vertices() {
                 (0..17 * 17).map(|i| world.elevation_m(payload.height[(16 * row + i / 17) * 129 + 16 * column + i % 17])).collect();
             let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|of| heights.iter().copied().reduce(of).expect("vertices"));
             assert_eq!(patch.height_m, ends, "{:?}, patch {index}", payload.id);
+            // Other vertices would change a hole, so a patch with a hole must be drawn with all of its vertices.
+            let spacing = world.layout().spacing_m(payload.id.lod);
+            let place = |i: usize| {
+                payload.id.origin_m(world.layout()) + DVec2::new((16 * column + i % 17) as f64, (16 * row + i / 17) as f64) * spacing
+            };
+            let has_hole = (0..17 * 17).any(|i| world.is_hole(place(i).x, place(i).y));
+            assert_eq!(patch.errors_m.map(f64::is_infinite), [has_hole; 4], "{:?}, patch {index}", payload.id);
+            (whole, open) = (whole + usize::from(!has_hole), open + usize::from(has_hole));
         }
         // The patches differ, so the order of the cones and of the heights matters.
         assert!(bounds.iter().any(|patch| patch.height_m != bounds[0].height_m));
         assert_eq!(bounds.iter().map(|patch| patch.cone).collect::<Vec<_>>(), cones::decode(&payload.cones));
     }
+    assert!(whole > 100 && open > 1, "{whole} {open}");
 }
 
 #[test]
@@ -239,25 +254,27 @@ fn a_patch_whose_stitches_reach_out_is_drawn_with_its_node() {
     let layout = Layout::of(10_240.0, None);
     // The neighbour in the east is five levels coarser: its vertices are 32 quads apart, and a patch is only 16 quads wide.
     let (node, neighbour) = (NodeId { lod: 0, x: 31, y: 40 }, NodeId { lod: 5, x: 1, y: 1 });
-    let map = quadtree::lod_map(&[node, neighbour]);
     let corner = node.origin_m(&layout);
     // The camera looks west from the middle of the node, away from its eastern border.
     let view = view_of([corner.x + 32.0, corner.y + 32.0, 30.0], -std::f64::consts::FRAC_PI_2, 0.0, 0.7, [96, 64]);
-    let of = |map: &[u8], stride| {
+    let of = |nodes: &[NodeId], log2_stride| {
         let drawn = DrawnNode { node, slot: 7, bounds: NodeBounds { height_m: [10.0, 60.0] }, patches: &[flat(); 64] };
-        let conditions = Conditions { layout: &layout, lod_map: map, rounding_m: 0.0, stride, culls: Culls::ALL };
+        let levels = Levels::new(nodes, log2_stride, |_, _| 0);
+        let conditions = Conditions { layout: &layout, levels: &levels, rounding_m: 0.0, culls: Culls::ALL };
         let mut patches = culling::cull(&[drawn], [&view, &view], conditions).patches;
         patches.sort_by_key(|patch| patch.patch[1]);
         patches.iter().filter(|patch| patch.patch[0] == 7).map(|patch| (patch.patch[1], patch.deltas)).collect::<Vec<_>>()
     };
-    assert_eq!(of(&map, 1), (0..8).map(|row| (row, 5 << 8)).collect::<Vec<_>>());
+    assert_eq!(of(&[node, neighbour], 0), (0..8).map(|row| (row, 5 << 8)).collect::<Vec<_>>());
     // If only every second vertex is drawn, the vertices of the neighbour are twice as far apart, so the delta is one larger.
-    assert_eq!(of(&map, 2), (0..8).map(|row| (row, 6 << 8)).collect::<Vec<_>>());
-    assert!(of(&quadtree::lod_map(&[node]), 1).is_empty(), "without a coarser neighbour, patches behind the camera are dropped");
+    assert_eq!(of(&[node, neighbour], 1), (0..8).map(|row| (row, 6 << 8)).collect::<Vec<_>>());
+    assert!(of(&[node], 0).is_empty(), "without a coarser neighbour, patches behind the camera are dropped");
     // If the vertices of the neighbour are at most one patch width apart, stitching moves no vertex out of its patch.
     let near = NodeId { lod: 4, x: 2, y: 2 };
-    assert!(of(&quadtree::lod_map(&[node, near]), 1).is_empty());
-    assert_eq!([culling::delta(0, 5), culling::delta(3, 3), culling::delta(4, 1)], [5, 0, 0]);
+    assert!(of(&[node, near], 0).is_empty());
+    // A side with nothing beyond it is not welded.
+    let alone = Levels::new(&[node], 0, |_, _| 2);
+    assert!((0..64).all(|i| alone.deltas(node, [i % 8, i / 8]) == 0));
 }
 
 // ---------------------------------------------------------------- settings as shaders read them

@@ -37,13 +37,13 @@ fn vertices_move_to_the_nearest_vertex_of_the_neighbour() {
     }
     // The neighbours in the north, east, south and west are 1, 2, 3 and 4 levels coarser.
     let deltas = 0x1234;
-    assert_eq!(stitch([11, 128], deltas), [10, 128]);
-    assert_eq!(stitch([128, 11], deltas), [128, 12]);
-    assert_eq!(stitch([11, 0], deltas), [8, 0]);
-    assert_eq!(stitch([0, 11], deltas), [0, 16]);
-    assert_eq!(stitch([11, 13], deltas), [11, 13]);
+    assert_eq!(stitch([11, 128], [0, 0], 128, deltas), [10, 128]);
+    assert_eq!(stitch([128, 11], [0, 0], 128, deltas), [128, 12]);
+    assert_eq!(stitch([11, 0], [0, 0], 128, deltas), [8, 0]);
+    assert_eq!(stitch([0, 11], [0, 0], 128, deltas), [0, 16]);
+    assert_eq!(stitch([11, 13], [0, 0], 128, deltas), [11, 13]);
     for corner in [[0, 0], [128, 0], [0, 128], [128, 128]] {
-        assert_eq!(stitch(corner, deltas), corner);
+        assert_eq!(stitch(corner, [0, 0], 128, deltas), corner);
     }
 }
 

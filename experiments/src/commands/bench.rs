@@ -49,6 +49,8 @@ const VIEWS: [&str; 2] = ["cliff", "ground"];
 
 /// The candidate without tests of patches, except the frustum test with the heights of the node.
 const FRUSTUM_ONLY: &str = "frustum only";
+/// The candidate with a geometry error of half a pixel.
+const HALF_A_PIXEL: &str = "geometry error of half a pixel";
 /// The sum of the device times of the passes of geometry and occlusion culling.
 const GEOMETRY: &str = "geometry and occlusion";
 
@@ -57,12 +59,16 @@ struct Candidate {
     name: &'static str,
     variant: VariantChoice,
     culls: Culls,
+    /// The geometry error, pixels.
+    error_px: f64,
 }
 
-/// The ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants leave out one or all tests of culling.
+/// The ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants leave out one or all tests of culling; the last
+/// one draws fewer vertices.
 fn candidates() -> Vec<Candidate> {
-    let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL };
-    let without = |name, culls| Candidate { name, variant: VariantChoice::Auto, culls };
+    let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL, error_px: 0.0 };
+    let without = |name, culls| Candidate { culls, ..of((name, VariantChoice::Auto)) };
+    let coarse = Candidate { error_px: 0.5, ..of((HALF_A_PIXEL, VariantChoice::Auto)) };
     let variants = [(AUTO, VariantChoice::Auto), (GENERIC, VariantChoice::GenericAuto)].into_iter();
     let flavours = Flavour::ALL.map(|flavour| (flavour.name(), VariantChoice::Forced(Variant::only(flavour))));
     let culls = [
@@ -72,7 +78,7 @@ fn candidates() -> Vec<Candidate> {
         without("without occlusion", Culls { occlusion: false, ..Culls::ALL }),
         without("without order and occlusion", Culls { nearest_first: false, ..Culls::ALL }),
     ];
-    variants.chain(flavours).map(of).chain(culls).collect()
+    variants.chain(flavours).map(of).chain(culls).chain([coarse]).collect()
 }
 
 /// A ratio of two times that is printed.
@@ -106,7 +112,7 @@ const fn geometry(name: &'static str, words: &'static str, over: &'static str, t
     Ratio { name, words, of: (AUTO, GEOMETRY), over: (over, GEOMETRY), target, is_share: false }
 }
 
-static RATIOS: [Ratio; 12] = [
+static RATIOS: [Ratio; 13] = [
     shading("splat_over_auto", "full splat / auto, shading", "splat", AUTO, "3"),
     shading("generic_over_auto", "generic kernel / auto, shading", GENERIC, AUTO, "above 1"),
     shading("splat_over_far_cliff", "full splat / far cliff, same pixels", "splat", "far-cliff", "3"),
@@ -116,6 +122,14 @@ static RATIOS: [Ratio; 12] = [
     geometry("geometry_over_back_faces", "geometry, all culling / without cones", "without cones", "below 1"),
     geometry("geometry_over_no_occlusion", "geometry, all culling / without occlusion", "without occlusion", "below 1"),
     geometry("geometry_over_any_order", "geometry, all culling / without order and occlusion", "without order and occlusion", "below 1"),
+    Ratio {
+        name: "half_a_pixel_over_every_vertex",
+        words: "geometry, error of 0.5 px / every vertex",
+        of: (HALF_A_PIXEL, GEOMETRY),
+        over: (AUTO, GEOMETRY),
+        target: "below 1",
+        is_share: false,
+    },
     share("classification_share", "classification, share of the frame", "classification", ALL_PASSES, "below 10 %"),
     share("reading_share", "reading back / rendering a frame, wall clock", READING, FRAME, "below 5 %"),
     share("measuring_share", "measuring / rendering a frame, wall clock", MEASURING, FRAME, "below 12 %"),
@@ -203,8 +217,11 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     let wanted = wanted(|ratio| !ratio.is_share);
     measure(candidates.len(), &wanted, args, step, &mut |turn| {
         check_interrupted()?;
-        let Candidate { variant, culls, .. } = candidates[turn.candidate];
-        let request = RenderRequest::new(pose, args.size).with(|r| (r.shading.variant, r.geometry.culls) = (variant, culls));
+        let Candidate { variant, culls, error_px, .. } = candidates[turn.candidate];
+        let request = RenderRequest::new(pose, args.size).with(|r| {
+            r.shading.variant = variant;
+            (r.geometry.culls, r.geometry.error_px) = (culls, error_px);
+        });
         let passes = renderer.draw(&request)?.into_report().passes;
         if passes.is_empty() {
             return Ok(Vec::new());
@@ -402,7 +419,9 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<
             let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height];
             Ok(csv.write_record(place.into_iter().chain([*variant, pass, metric, unit, &value, &error]))?)
         };
-        for key in device.keys().filter(|(candidate, pass)| candidates[*candidate].culls == Culls::ALL && *pass != ALL_PASSES) {
+        // The times of the other candidates of geometry are only recorded as ratios.
+        let is_usual = |candidate: usize| candidates[candidate].culls == Culls::ALL && candidates[candidate].error_px <= 0.0;
+        for key in device.keys().filter(|(candidate, pass)| is_usual(*candidate) && *pass != ALL_PASSES) {
             put(key, metrics::TIME, "ms", device.time(key))?;
             if key.1 == SHADING_PASS {
                 put(key, metrics::TIME_RATIO, "1", device.ratio(key, (0, SHADING_PASS)))?;

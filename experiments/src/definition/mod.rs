@@ -217,8 +217,9 @@ pub enum Motion {
 #[serde(deny_unknown_fields)]
 pub struct Vary {
     /// A setting of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
-    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4), `frame.seed`,
-    /// `frame.reseeds`, `frame.two_tilings`, `frame.exposure` (stops, -16 to 16), `frame.tone_curve` (`reinhard`, `clip`).
+    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4),
+    /// `frame.geometry_error` (pixels, 0 to 16), `frame.seed`, `frame.reseeds`, `frame.two_tilings`, `frame.exposure` (stops, -16 to 16),
+    /// `frame.tone_curve` (`reinhard`, `clip`).
     pub parameter: String,
     /// The values of the parameter, in the order in which they are measured.
     pub values: Vec<toml::Value>,

@@ -5,15 +5,19 @@
 //! with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much smaller than a pixel can face the camera after
 //! the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is seen.
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
-//! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
+//! Reads the drawn nodes and their levels. Writes the patch list. Runs on the CPU.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use crate::quadtree::{NodeBounds, PatchBounds, local_box};
+use crate::quadtree::{NodeBounds, PatchBounds, local_box, patch_box};
 use crate::shared::culling;
 use crate::view::camera::View;
-use crate::world::{Layout, NodeId, SECTORS};
+use crate::world::{Layout, NodeId};
+
+mod levels;
+
+pub use levels::{LOG2_LARGEST_STRIDE, Levels};
 
 /// Patches along a node's edge.
 pub const PATCHES: u32 = 8;
@@ -32,38 +36,10 @@ pub struct Patch {
     pub slot: u32,
     /// Column and row of the patch in its node, 0..8.
     pub patch: [u32; 2],
-    /// LOD deltas, 4 bits a side: north << 12 | east << 8 | south << 4 | west.
+    /// LOD deltas, see [`Levels::deltas`].
     pub deltas: u32,
     /// The node's LOD.
     pub lod: u32,
-}
-
-/// LOD delta of a side: by how many levels the neighbour is coarser; 0 if it is not coarser.
-pub fn delta(own: u8, neighbour: u8) -> u32 {
-    u32::from(neighbour.saturating_sub(own))
-}
-
-/// Returns the packed LOD deltas of a patch, see [`Patch::deltas`]. Sides inside the node have the delta 0. `stride`: the vertex stride of all
-/// patches. With a stride above 1, the drawn vertices of a coarser neighbour are `stride` times as far apart. So log2 of `stride` is added to the
-/// delta of each side that has a coarser neighbour.
-pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
-    let edge = 1i32 << node.lod;
-    let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
-    // A coarser neighbour covers the whole side, so any sector along the side gives its LOD.
-    let lod_at = |x: i32, y: i32| {
-        let side = i32::from(SECTORS);
-        let inside = (0..side).contains(&x) && (0..side).contains(&y);
-        if inside { lod_map[usize::try_from(y * side + x).unwrap_or(0)] } else { 0 }
-    };
-    let last = PATCHES - 1;
-    let side = |on: bool, x: i32, y: i32| match if on { delta(node.lod, lod_at(x, y)) } else { 0 } {
-        0 => 0,
-        coarser => coarser + stride.ilog2(),
-    };
-    side(patch[1] == last, x, y + edge) << 12
-        | side(patch[0] == last, x + edge, y) << 8
-        | side(patch[1] == 0, x, y - 1) << 4
-        | side(patch[0] == 0, x - 1, y)
 }
 
 /// A node to draw.
@@ -110,13 +86,11 @@ impl Culls {
 pub struct Conditions<'a> {
     /// The nodes of the world.
     pub layout: &'a Layout,
-    /// The LOD drawn in each sector, see [`lod_map`](crate::quadtree::lod_map).
-    pub lod_map: &'a [u8],
+    /// The vertex strides of the patches.
+    pub levels: &'a Levels,
     /// Bound on the rounding error of the elevation of a vertex on the device, metres
     /// ([`World::elevation_rounding_m`](crate::world::World::elevation_rounding_m)).
     pub rounding_m: f64,
-    /// The vertex stride, a power of two, see [`pack_deltas`].
-    pub stride: u32,
     /// The tests.
     pub culls: Culls,
 }
@@ -143,10 +117,12 @@ impl PatchBox {
 /// The patches to draw, and how many were removed by which test.
 #[derive(Clone, Debug, Default)]
 pub struct Culled {
-    /// The patches to draw, in the order of drawing.
+    /// The patches to draw, the nearest first if they are sorted. The geometry pass keeps this order within a batch.
     pub patches: Vec<Patch>,
     /// Their boxes, in the same order.
     pub boxes: Vec<PatchBox>,
+    /// Log2 of their vertex strides, in the same order.
+    pub log2_strides: Vec<u32>,
     /// How many were removed.
     pub counts: CullCounts,
 }
@@ -166,10 +142,10 @@ pub struct CullCounts {
 /// The two views are equal unless culling is frozen.
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Conditions<'_>) -> Culled {
-    let Conditions { layout, lod_map, rounding_m, stride, culls } = conditions;
+    let Conditions { layout, levels, rounding_m, culls } = conditions;
     let margin = DVec3::new(0.0, 0.0, rounding_m);
     let mut culled = Culled::default();
-    let mut found: Vec<(f64, Patch, PatchBox)> = Vec::new();
+    let mut found: Vec<(f64, Patch, PatchBox, u32)> = Vec::new();
     for &DrawnNode { node, slot, bounds, patches } in nodes {
         let (low, high) = local_box(node, bounds, layout, eye);
         if !eye.sees(low - margin, high + margin) {
@@ -179,19 +155,19 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
         let (origin, _) = local_box(node, bounds, layout, view);
         let patch_m = layout.node_m(node.lod) / f64::from(PATCHES);
         for ((row, column), patch) in (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| (row, column))).zip(patches) {
-            let deltas = pack_deltas(node, [column, row], lod_map, stride);
+            let (deltas, log2_stride) = (levels.deltas(node, [column, row]), levels.log2_stride(node, [column, row]));
             // If the vertices of a coarser neighbour are farther apart than the edge of a patch, stitching draws triangles outside the box of the
             // patch. Such a patch is drawn whenever its node is visible.
-            let reaches_out = (0..4).any(|side| (deltas >> (4 * side)) & 15 > PATCH_QUADS.ilog2());
+            let reaches_out = Levels::reaches_out(deltas);
             let heights = if culls.patch_heights { patch.height_m } else { bounds.height_m };
-            let corner = low.truncate() + DVec2::new(f64::from(column), f64::from(row)) * patch_m;
-            let (corner, opposite) = (corner.extend(heights[0]) - margin, (corner + patch_m).extend(heights[1]) + margin);
+            let (corner, opposite) = patch_box(node, [column, row], heights, layout, eye);
+            let (corner, opposite) = (corner - margin, opposite + margin);
             if !reaches_out && !eye.sees(corner, opposite) {
                 culled.counts.outside += 1;
                 continue;
             }
             // The cone holds for the triangles of the payload, which stitching and a vertex stride above 1 replace by others.
-            if culls.back_faces && deltas == 0 && stride == 1 && faces_away(patch, [corner, opposite], eye) {
+            if culls.back_faces && deltas == 0 && log2_stride == 0 && faces_away(patch, [corner, opposite], eye) {
                 culled.counts.facing_away += 1;
                 continue;
             }
@@ -205,13 +181,17 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
             };
             let distance = eye.camera.distance_squared(eye.camera.clamp(corner, opposite));
             let [low, high] = [DVec3::NEG_INFINITY, DVec3::INFINITY];
-            found.push((distance, patch, PatchBox::of(if reaches_out { [low, high] } else { [corner, opposite] })));
+            found.push((distance, patch, PatchBox::of(if reaches_out { [low, high] } else { [corner, opposite] }), log2_stride));
         }
     }
     if culls.nearest_first {
         found.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
     }
-    (culled.patches, culled.boxes) = found.into_iter().map(|(_, patch, bounds)| (patch, bounds)).unzip();
+    for (_, patch, bounds, log2_stride) in found {
+        culled.patches.push(patch);
+        culled.boxes.push(bounds);
+        culled.log2_strides.push(log2_stride);
+    }
     culled
 }
 

@@ -8,7 +8,7 @@ use crate::base::progress::Progress;
 use crate::base::section::{Section, mebibytes, row};
 use crate::classification;
 use crate::composition::{Composition, Layers};
-use crate::culling::{self, Conditions, CullCounts, Culled, DrawnNode};
+use crate::culling::{self, Conditions, CullCounts, Culled, DrawnNode, Levels};
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
@@ -103,7 +103,9 @@ struct Drawn {
     key: GeometryKey,
     visited: Vec<NodeId>,
     nodes: Vec<NodeId>,
+    levels: Arc<Levels>,
     patches: usize,
+    triangles: usize,
     culled: CullCounts,
 }
 
@@ -258,18 +260,26 @@ impl<'a> Renderer<'a> {
             None => {
                 // Stages `quadtree` and `residency`: select the nodes and load their payloads. Stage `culling`: select the patches.
                 let eye = request.geometry.culled_from.map_or(view, |pose| self.view(&request.with(|r| r.view.pose = pose)));
-                let (visited, nodes, culled) = self.visible_patches(request, &view, &eye)?;
+                let (visited, nodes, levels, culled) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
                 // Stage `geometry`: write depth, stencil, mask and normals.
                 let hides = request.geometry.culls.hides() && request.geometry.culled_from.is_none();
-                let list = self.stages.geometry.list(gpu, &culled, hides, request.geometry.vertex_stride);
+                let list = self.stages.geometry.list(gpu, &culled, hides);
                 self.stages.geometry.encode(&mut rec, &list, 0, &targets.geometry);
                 // Stage `occlusion`: drop the patches that are hidden by what was drawn, phase by phase.
-                for phase in 1..list.phases.len() {
+                for phase in 1..list.phases {
                     self.stages.occlusion.encode(&mut rec, &targets.geometry, &targets.occlusion, &list, phase);
                     self.stages.geometry.encode(&mut rec, &list, phase, &targets.geometry);
                 }
-                let drawn = Drawn { key, visited, nodes, patches: culled.patches.len(), culled: culled.counts };
+                let drawn = Drawn {
+                    key,
+                    visited,
+                    nodes,
+                    levels: Arc::new(levels),
+                    patches: culled.patches.len(),
+                    triangles: 0,
+                    culled: culled.counts,
+                };
                 listed = Some(list);
                 drawn
             }
@@ -283,7 +293,8 @@ impl<'a> Renderer<'a> {
         rec.submit()?;
         let tiles = self.stages.classification.read_counts(gpu, &targets.classification)?;
         if let Some(list) = listed {
-            let visible = list.read_drawn(gpu)? as usize;
+            let [visible, triangles] = list.read_drawn(gpu)?.map(|count| count as usize);
+            drawn.triangles = triangles;
             drawn.culled.hidden = drawn.patches.saturating_sub(visible);
             drawn.patches = visible;
         }
@@ -316,8 +327,10 @@ impl<'a> Renderer<'a> {
             edited: std::mem::take(&mut self.edited),
             nodes: drawn.nodes.len(),
             patches: drawn.patches,
+            triangles: drawn.triangles,
             culled: drawn.culled,
             drawn: drawn.nodes.clone(),
+            levels: Arc::clone(&drawn.levels),
             atlas: self.streaming.counts(),
             pages,
             page_cache: self.stages.virtual_texture.cache_counts(),
@@ -339,6 +352,7 @@ impl<'a> Renderer<'a> {
                     row("Nodes visited", drawn.visited.len()),
                     row("Nodes drawn", drawn.nodes.len()),
                     row("Patches drawn", drawn.patches),
+                    row("Triangles drawn", drawn.triangles),
                     row("Patches outside the frustum", drawn.culled.outside),
                     row("Patches that face away", drawn.culled.facing_away),
                     row("Patches that are hidden", drawn.culled.hidden),
@@ -426,9 +440,9 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the patches that may be
-    /// visible from `eye`, in the local coordinates of `view`.
-    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Culled)> {
+    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, the levels of
+    /// their patches, and the patches that may be visible from `eye`, in the local coordinates of `view`.
+    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Levels, Culled)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
         let done = AtomicU64::new(0);
@@ -449,16 +463,14 @@ impl<'a> Renderer<'a> {
                 Some(DrawnNode { node, slot, bounds, patches: self.streaming.patches(node) })
             })
             .collect();
-        let conditions = Conditions {
-            layout: self.world.layout(),
-            lod_map: &quadtree::lod_map(&selection.drawn),
-            rounding_m: self.world.elevation_rounding_m(),
-            stride: request.geometry.vertex_stride,
-            culls: request.geometry.culls,
-        };
+        let GeometryRequest { vertex_stride, error_px, .. } = request.geometry;
+        let layout = self.world.layout();
+        let levels = Levels::of(&drawn, layout, eye, vertex_stride.ilog2() as u8, error_px);
+        let conditions =
+            Conditions { layout, levels: &levels, rounding_m: self.world.elevation_rounding_m(), culls: request.geometry.culls };
         let culled = culling::cull(&drawn, [view, eye], conditions);
         let drawn = drawn.into_iter().map(|drawn| drawn.node).collect();
-        Ok((selection.visited, drawn, culled))
+        Ok((selection.visited, drawn, levels, culled))
     }
 
     /// Builds the pipelines that a request needs and returns their keys. `tiles`: the number of tiles in the generic kernel's list and in the 31

@@ -1,7 +1,9 @@
 //! The report of one frame.
 
+use std::sync::Arc;
+
 use crate::base::section::Section;
-use crate::culling::CullCounts;
+use crate::culling::{CullCounts, Levels};
 use crate::frame::edit::EditCounts;
 use crate::gpu::PassTime;
 use crate::residency::AtlasCounts;
@@ -23,10 +25,14 @@ pub struct FrameReport {
     pub nodes: usize,
     /// Number of patches drawn.
     pub patches: usize,
+    /// Number of triangles drawn, including those outside the picture and those that face away.
+    pub triangles: usize,
     /// Numbers of the patches of drawn nodes that were not drawn.
     pub culled: CullCounts,
     /// The nodes drawn; they do not overlap.
     pub drawn: Vec<NodeId>,
+    /// The levels of their patches.
+    pub levels: Arc<Levels>,
     /// Counts of the atlases, after the nodes of this frame were loaded.
     pub atlas: AtlasCounts,
     /// Numbers of virtual-texture pages that the frame requested and rendered.

@@ -52,9 +52,12 @@ pub struct GeometryRequest {
     /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split, unless the upper bound of
     /// [`SPLIT_RATIO`](crate::quadtree::SPLIT_RATIO) limits this distance.
     pub lod_bias: f64,
-    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
+    /// Vertex decimation: at most every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
     /// ground keep their resolution.
     pub vertex_stride: u32,
+    /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch; 0 = every patch has the stride
+    /// `vertex_stride`. See [`Levels::of`](crate::culling::Levels::of).
+    pub error_px: f64,
     /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
     /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
     pub culled_from: Option<Pose>,
@@ -156,11 +159,11 @@ impl RenderRequest {
     /// Refuses a request that cannot be drawn with these limits.
     ///
     /// # Errors
-    /// When the size, the LOD bias, the vertex stride or a setting of a stage is out of range.
+    /// When the size, the LOD bias, the vertex stride, the geometry error or a setting of a stage is out of range.
     pub fn check(&self, limits: &wgpu::Limits, tile: u32) -> Result<()> {
         check_size(self.view.size, limits, tile)?;
-        let GeometryRequest { lod_bias, vertex_stride, .. } = self.geometry;
-        let settings = FrameSettings { lod_bias, vertex_stride, stages: self.stages, ..FrameSettings::default() };
+        let GeometryRequest { lod_bias, vertex_stride, error_px, .. } = self.geometry;
+        let settings = FrameSettings { lod_bias, vertex_stride, geometry_error: error_px, stages: self.stages, ..FrameSettings::default() };
         settings.check().map_err(|wrong| Error::Request(wrong.to_string()))
     }
 }

@@ -60,9 +60,12 @@ table! {
         /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
             GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
-        /// Vertex decimation: draw every 1st, 2nd or 4th vertex along a node's side. Textures keep their resolution, but ridges lose
+        /// Vertex decimation: draw at most every 1st, 2nd or 4th vertex along a node's side. Textures keep their resolution, but ridges lose
         /// detail.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
+        /// Draw fewer vertices of a patch where this moves the ground by at most this distance on the screen, except where patches with different
+        /// vertices meet. 0 draws all vertices that the vertex stride leaves.
+        geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
@@ -157,6 +160,7 @@ impl FrameSettings {
             geometry: GeometryRequest {
                 lod_bias: self.lod_bias,
                 vertex_stride: self.vertex_stride,
+                error_px: self.geometry_error,
                 culled_from: None,
                 normals: self.normals,
                 culls: Culls::ALL,

@@ -31,8 +31,9 @@ struct GeometryVarying {
 @vertex
 fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> GeometryVarying {
     let p = patches[order[instance]];
-    let in_patch = vec2<u32>(vertex % 17u, vertex / 17u);
-    let index = geometry_stitch(p.patch_xy * 16u + in_patch, p.deltas);
+    let in_patch = vec2<u32>(vertex % (GEOMETRY_PATCH_QUADS + 1u), vertex / (GEOMETRY_PATCH_QUADS + 1u));
+    let first = p.patch_xy * GEOMETRY_PATCH_QUADS;
+    let index = geometry_stitch(first + in_patch, first, GEOMETRY_PATCH_QUADS, p.deltas);
     let height = textureLoad(height_atlas, index, p.slot, 0).r;
     let at = p.node_origin + vec2<f32>(index) * p.spacing;
     var drawn = at;

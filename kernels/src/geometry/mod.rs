@@ -1,4 +1,5 @@
-//! Geometry pass: draws the visible patches in phases, each with one indirect draw, into depth, stencil, classification mask and two normals.
+//! Geometry pass: draws the visible patches in phases, with one indirect draw for each vertex stride, into depth, stencil, classification mask and two
+//! normals.
 //!
 //! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
 //! `near / distance`), stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane).
@@ -12,7 +13,7 @@ use bytemuck::cast_slice;
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
-use crate::culling::{Culled, PATCH_QUADS};
+use crate::culling::{Culled, LOG2_LARGEST_STRIDE, PATCH_QUADS, Patch, PatchBox};
 use crate::gpu::bindings::{Binding, view};
 use crate::gpu::uses::{PassUse, TargetUse};
 use crate::gpu::{CLEAR, Gpu, Recording, Shader, ShaderModule, constants, read_buffer};
@@ -62,7 +63,7 @@ pub struct Geometry {
     exact: OnceLock<wgpu::RenderPipeline>,
     layout: wgpu::BindGroupLayout,
     /// Index buffer of a patch and its number of indices, by log2 of the vertex stride.
-    indices: [(wgpu::Buffer, u32); STRIDES.len()],
+    indices: Vec<(wgpu::Buffer, u32)>,
 }
 
 /// Features of the ground of a scene for which the pipeline needs additional code.
@@ -72,18 +73,18 @@ struct Ground {
     has_edge: bool,
 }
 
-/// Possible vertex strides. A stride of n draws every n-th vertex along the side of a patch.
+/// The least vertex strides that can be asked for. A stride of n draws every n-th vertex along the side of a patch.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// WGSL functions for stitching, which need no bindings.
-pub static STITCH_WGSL: Wgsl =
-    Wgsl::new("geometry/stitch.wgsl", include_str!("stitch.wgsl"), &[]).with(&[("GEOMETRY_NODE_QUADS", Constant::U32(NODE_QUADS as u32))]);
+pub static STITCH_WGSL: Wgsl = Wgsl::new("geometry/stitch.wgsl", include_str!("stitch.wgsl"), &[]);
 
 static WGSL: Wgsl = Wgsl::new(
     "geometry/geometry.wgsl",
     include_str!("geometry.wgsl"),
     &[&terrain::WGSL, &view::WGSL, &STITCH_WGSL, &shared::FLAVOUR_WEIGHTS],
-);
+)
+.with(&[("GEOMETRY_NODE_QUADS", Constant::U32(NODE_QUADS as u32)), ("GEOMETRY_PATCH_QUADS", Constant::U32(PATCH_QUADS))]);
 
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("geometry", &[&WGSL]);
@@ -175,11 +176,12 @@ impl Stage for Geometry {
         let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage; 2]);
         let pipeline_layout = gpu.pipeline_layout("geometry", &[frame_layout, &terrain.layout, &layout]);
         let pipeline = pipeline(gpu, &shader, &pipeline_layout, ground, NormalEncoding::default().format());
-        let indices = STRIDES.map(|stride| {
-            let indices = patch_indices(stride);
+        let indices = (0..=LOG2_LARGEST_STRIDE).map(|log2_stride| {
+            let indices = patch_indices(1 << log2_stride);
             let count = u32::try_from(indices.len()).unwrap_or(0);
             (gpu.buffer_with("patch indices", wgpu::BufferUsages::INDEX, cast_slice(&indices)), count)
         });
+        let indices = indices.collect();
         Ok(Geometry { shader, pipeline_layout, ground, pipeline, exact: OnceLock::new(), layout, indices })
     }
 }
@@ -194,38 +196,46 @@ impl Geometry {
     }
 
     /// Uploads the patches to draw. `culled`: the patches and their boxes. `occlusion`: whether they are drawn in phases, between which hidden patches
-    /// are removed. `stride`: one of [`STRIDES`].
-    pub fn list(&self, gpu: &Gpu, culled: &Culled, occlusion: bool, stride: u32) -> PatchList {
-        let count = u32::try_from(culled.patches.len()).unwrap_or(0);
-        let phases = phases(count, if occlusion { &PHASE_ENDS } else { &[] });
-        let (_, indices) = self.indices[stride.ilog2() as usize];
+    /// are removed.
+    pub fn list(&self, gpu: &Gpu, culled: &Culled, occlusion: bool) -> PatchList {
+        let Batches { batches, patches, phases } = Batches::of(&culled.log2_strides, if occlusion { &PHASE_ENDS } else { &[] });
         // Occlusion culling writes the numbers of instances of all phases but the first.
         let arguments: Vec<[u32; ARGUMENT_WORDS as usize]> =
-            phases.iter().map(|phase| [indices, if phase.start == 0 { phase.end } else { 0 }, 0, 0, 0]).collect();
-        let order: Vec<u32> = (0..count).collect();
+            batches.iter().map(|batch| [self.indices_of(batch).1, if batch.phase == 0 { batch.count } else { 0 }, 0, 0, 0]).collect();
+        // A binding cannot be smaller than one element.
+        let mut order = vec![0; batches.last().map_or(1, |batch| batch.order + batch.count) as usize];
+        for batch in &batches {
+            let range = batch.first..batch.first + batch.count;
+            order[batch.order as usize..][..batch.count as usize].copy_from_slice(&range.collect::<Vec<u32>>());
+        }
+        let in_order = |index: &usize| (culled.patches[*index], culled.boxes[*index]);
+        let (uploaded, boxes): (Vec<Patch>, Vec<PatchBox>) = patches.iter().map(in_order).unzip();
         let storage = wgpu::BufferUsages::STORAGE;
+        let with = |label, usage, bytes: &[u8]| gpu.buffer_with(label, usage, if bytes.is_empty() { &[0; 32] } else { bytes });
         PatchList {
-            // A binding cannot be smaller than one element.
-            patches: gpu.buffer_with("patches", storage, if count == 0 { &[0; 32] } else { cast_slice(&culled.patches) }),
-            boxes: gpu.buffer_with("boxes of patches", storage, cast_slice(&culled.boxes)),
-            shown: gpu.buffer("shown patches", storage, u64::from(count.max(1)) * 4),
-            order: gpu.buffer_with("order of patches", storage, cast_slice(&order)),
-            arguments: gpu.buffer_with(
-                "patch draws",
-                storage | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_SRC,
-                cast_slice(&arguments),
-            ),
+            patches: with("patches", storage, cast_slice(&uploaded)),
+            boxes: with("boxes of patches", storage, cast_slice(&boxes)),
+            shown: gpu.buffer("shown patches", storage, patches.len().max(1) as u64 * 4),
+            order: with("order of patches", storage, cast_slice(&order)),
+            arguments: with("patch draws", storage | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_SRC, cast_slice(&arguments)),
+            batches,
             phases,
-            stride,
         }
     }
 
-    /// Records the draw of a phase. The first phase clears the targets.
-    pub fn encode(&self, rec: &mut Recording<'_>, list: &PatchList, phase: usize, targets: &Targets) {
+    /// The index buffer of the patches of a batch, and its number of indices.
+    fn indices_of(&self, batch: &Batch) -> &(wgpu::Buffer, u32) {
+        &self.indices[batch.log2_stride as usize]
+    }
+
+    /// Records the draws of a phase, one for each batch. The first phase clears the targets.
+    pub fn encode(&self, rec: &mut Recording<'_>, list: &PatchList, phase: u32, targets: &Targets) {
         let gpu = rec.gpu;
-        let range = &list.phases[phase];
-        let order = wgpu::BufferBinding { buffer: &list.order, offset: u64::from(range.start) * 4, size: None };
-        let group = gpu.group("patches", &self.layout, &[list.patches.as_entire_binding(), wgpu::BindingResource::Buffer(order)]);
+        let group = |batch: &Batch| {
+            let order = wgpu::BufferBinding { buffer: &list.order, offset: u64::from(batch.order) * 4, size: None };
+            gpu.group("patches", &self.layout, &[list.patches.as_entire_binding(), wgpu::BindingResource::Buffer(order)])
+        };
+        let batches: Vec<_> = list.of_phase(phase).map(|(index, batch)| (index, batch, group(batch))).collect();
         let depth_stencil = view(&targets.depth_stencil);
         let is_first = phase == 0;
         let depth_stencil = wgpu::RenderPassDepthStencilAttachment {
@@ -241,33 +251,38 @@ impl Geometry {
         };
         let colours = [&view(&targets.mask), &view(&targets.normals)];
         let load = if is_first { CLEAR } else { wgpu::LoadOp::Load };
-        let mut pass = rec.render("geometry", &colours, load, Some(depth_stencil), 2, &[&group]);
+        let mut pass = rec.render("geometry", &colours, load, Some(depth_stencil), 2, &[]);
         pass.set_pipeline(self.pipeline(gpu, targets.normals.format()));
-        let (indices, _) = &self.indices[list.stride.ilog2() as usize];
-        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
         pass.set_stencil_reference(1);
-        pass.draw_indexed_indirect(&list.arguments, phase as u64 * u64::from(ARGUMENT_WORDS) * 4);
+        for (index, batch, group) in &batches {
+            pass.set_bind_group(2, group, &[]);
+            pass.set_index_buffer(self.indices_of(batch).0.slice(..), wgpu::IndexFormat::Uint16);
+            pass.draw_indexed_indirect(&list.arguments, *index as u64 * u64::from(ARGUMENT_WORDS) * 4);
+        }
     }
 }
 
 /// Number of words of the arguments of an indirect draw with indices.
 pub const ARGUMENT_WORDS: u32 = 5;
 
-/// The phases begin at multiples of this number of patches, because a binding must begin at a multiple of 256 bytes.
-const PHASE_STEP: u32 = 64;
+/// The least number of patches of a phase after the first.
+const LEAST_OF_PHASE: u32 = 64;
+
+/// The order of the patches of a batch begins at a multiple of this number of elements, because a binding must begin at a multiple of 256 bytes.
+const ORDER_STEP: u32 = 64;
 
 /// The ends of the phases but the last, as shares of the patches. With four phases (0.1, 0.25, 0.5), more patches are culled, but software Vulkan then
 /// takes longer with the camera `ground`, because each phase costs a pyramid and loads the targets again.
 const PHASE_ENDS: [f64; 1] = [0.25];
 
 /// Divides patches into phases. `ends`: the ends of the phases but the last, as shares of the patches. There is always a first phase, which may have
-/// no patch; each other phase has at least [`PHASE_STEP`] patches.
+/// no patch; each other phase has at least [`LEAST_OF_PHASE`] patches.
 fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     let mut phases = Vec::new();
     let mut start = 0;
     for share in ends {
-        let end = ((f64::from(count) * share) as u32).next_multiple_of(PHASE_STEP).min(count);
-        if end > start && end + PHASE_STEP <= count {
+        let end = (f64::from(count) * share).ceil() as u32;
+        if end > start && end + LEAST_OF_PHASE <= count {
             phases.push(start..end);
             start = end;
         }
@@ -276,34 +291,84 @@ fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     phases
 }
 
+/// Patches of one phase with the same vertex stride, which one indirect draw draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Batch {
+    /// Index of the phase.
+    pub phase: u32,
+    /// Log2 of the vertex stride.
+    pub log2_stride: u32,
+    /// Index of the first patch.
+    pub first: u32,
+    /// Number of patches.
+    pub count: u32,
+    /// Index in the order of drawing at which the patches of the batch begin.
+    pub order: u32,
+}
+
+/// The batches of a frame.
+struct Batches {
+    batches: Vec<Batch>,
+    /// For each patch in the order of the batches, its index in the list from which the batches were made.
+    patches: Vec<usize>,
+    /// Number of phases, at least 1.
+    phases: u32,
+}
+
+impl Batches {
+    /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, the nearest patch first. In a batch, the order
+    /// of the patches is kept.
+    fn of(log2_strides: &[u32], ends: &[f64]) -> Batches {
+        let mut out = Batches { batches: Vec::new(), patches: Vec::new(), phases: 0 };
+        let mut order = 0u32;
+        for range in phases(u32::try_from(log2_strides.len()).unwrap_or(u32::MAX), ends) {
+            for log2_stride in 0..=LOG2_LARGEST_STRIDE {
+                let first = u32::try_from(out.patches.len()).unwrap_or(u32::MAX);
+                out.patches.extend((range.start as usize..range.end as usize).filter(|&patch| log2_strides[patch] == log2_stride));
+                let count = u32::try_from(out.patches.len()).unwrap_or(u32::MAX) - first;
+                if count > 0 {
+                    order = order.next_multiple_of(ORDER_STEP);
+                    out.batches.push(Batch { phase: out.phases, log2_stride, first, count, order });
+                    order += count;
+                }
+            }
+            out.phases += 1;
+        }
+        out
+    }
+}
+
 /// The patches of a frame on the device.
 pub struct PatchList {
     patches: wgpu::Buffer,
-    /// The boxes of the patches ([`PatchBox`](crate::culling::PatchBox)).
+    /// The boxes of the patches ([`PatchBox`]).
     pub boxes: wgpu::Buffer,
     /// For each patch, whether occlusion culling lets it be drawn.
     pub shown: wgpu::Buffer,
-    /// The indices of the patches in the order of drawing. The entries of a phase begin at the start of its range.
+    /// The indices of the patches in the order of drawing, see [`Batch::order`].
     pub order: wgpu::Buffer,
-    /// The indirect draw of each phase, [`ARGUMENT_WORDS`] words each.
+    /// The indirect draw of each batch, [`ARGUMENT_WORDS`] words each.
     pub arguments: wgpu::Buffer,
-    /// The patches of each phase, as ranges of indices.
-    pub phases: Vec<Range<u32>>,
-    stride: u32,
+    batches: Vec<Batch>,
+    /// Number of phases, at least 1.
+    pub phases: u32,
 }
 
 impl PatchList {
-    /// Returns the number of patches that were drawn. The commands of the last phase must have been submitted before.
+    /// The batches of a phase, with their indices.
+    pub fn of_phase(&self, phase: u32) -> impl Iterator<Item = (usize, &Batch)> {
+        self.batches.iter().enumerate().filter(move |(_, batch)| batch.phase == phase)
+    }
+
+    /// Returns the numbers of patches and of triangles that were drawn. The commands of the last phase must have been submitted before.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn read_drawn(&self, gpu: &Gpu) -> Result<u32> {
-        if let [only] = self.phases.as_slice() {
-            return Ok(only.end);
-        }
+    pub fn read_drawn(&self, gpu: &Gpu) -> Result<[u32; 2]> {
         let words: Vec<u32> =
-            bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, self.phases.len() as u64 * u64::from(ARGUMENT_WORDS) * 4)?);
-        Ok(words.chunks_exact(ARGUMENT_WORDS as usize).map(|arguments| arguments[1]).sum())
+            bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, self.batches.len() as u64 * u64::from(ARGUMENT_WORDS) * 4)?);
+        let drawn = words.chunks_exact(ARGUMENT_WORDS as usize).map(|arguments| [arguments[1], arguments[0] / 3 * arguments[1]]);
+        Ok(drawn.fold([0, 0], |sum, of| [sum[0] + of[0], sum[1] + of[1]]))
     }
 }
 
@@ -312,15 +377,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phases_hold_every_patch_once_and_begin_at_whole_steps() {
+    fn phases_hold_every_patch_once() {
         for count in [0, 1, 63, 64, 65, 127, 128, 640, 1000, 10_000, 32_768] {
             let phases = phases(count, &PHASE_ENDS);
             assert_eq!((phases[0].start, phases[phases.len() - 1].end), (0, count));
-            assert!(phases.windows(2).all(|pair| pair[0].end == pair[1].start && pair[1].start % PHASE_STEP == 0), "{phases:?}");
-            assert!(phases.len() == 1 || phases.iter().all(|phase| phase.len() >= PHASE_STEP as usize), "{phases:?}");
+            assert!(phases.windows(2).all(|pair| pair[0].end == pair[1].start), "{phases:?}");
+            assert!(phases[1..].iter().all(|phase| phase.len() >= LEAST_OF_PHASE as usize), "{phases:?}");
         }
-        assert_eq!(phases(1000, &PHASE_ENDS), [0..256, 256..1000]);
-        assert_eq!(phases(1000, &[0.1, 0.5]), [0..128, 128..512, 512..1000]);
+        assert_eq!(phases(1000, &PHASE_ENDS), [0..250, 250..1000]);
+        assert_eq!(phases(1000, &[0.1, 0.5]), [0..100, 100..500, 500..1000]);
         assert_eq!(phases(1000, &[]).len(), 1);
+    }
+
+    #[test]
+    fn batches_hold_every_patch_once_and_keep_its_order() {
+        for count in [0u32, 1, 100, 1000] {
+            let log2_strides: Vec<u32> = (0..count).map(|patch| patch * patch % 7 % (LOG2_LARGEST_STRIDE + 1)).collect();
+            let Batches { batches, patches, phases } = Batches::of(&log2_strides, &PHASE_ENDS);
+            assert_eq!(phases, if count < 100 { 1 } else { 2 });
+            let mut seen = patches.clone();
+            seen.sort_unstable();
+            assert_eq!(seen, (0..count as usize).collect::<Vec<_>>());
+            assert_eq!(batches.iter().map(|batch| batch.count).sum::<u32>(), count);
+            assert!(batches.windows(2).all(|pair| pair[0].first + pair[0].count == pair[1].first));
+            assert!(
+                batches.windows(2).all(|pair| pair[0].order + pair[0].count <= pair[1].order && pair[1].order.is_multiple_of(ORDER_STEP))
+            );
+            for batch in &batches {
+                let own = &patches[batch.first as usize..][..batch.count as usize];
+                assert!(own.is_sorted() && own.iter().all(|&patch| log2_strides[patch] == batch.log2_stride));
+                assert!(own.iter().all(|&patch| (patch < 250) == (batch.phase == 0)) || count < 1000);
+            }
+        }
     }
 }

@@ -19,7 +19,11 @@ pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8
 /// # Errors
 /// When the device is lost.
 pub fn read_ranges(gpu: &Gpu, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<u8>> {
-    let staging = staging(gpu, ranges.iter().map(|(_, range)| range.end - range.start).sum::<u64>().max(4));
+    let bytes: u64 = ranges.iter().map(|(_, range)| range.end - range.start).sum();
+    if bytes == 0 {
+        return Ok(Vec::new());
+    }
+    let staging = staging(gpu, bytes);
     let mut encoder = gpu.encoder("read-back");
     let mut at = 0;
     for (buffer, range) in ranges {

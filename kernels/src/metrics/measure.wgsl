@@ -1,8 +1,8 @@
 // A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames,
 // and writes sums and histograms. Only these are read back, never a picture. The picture is divided into blocks of 64 x 8 pixels, and each block into
-// 8 parts: part i has the columns i, i + 8, ... of its block. Of the sums over a quarter of the pixels, it has those of the columns 4i to 4i + 3 and
-// 4i + 32 to 4i + 35. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read
-// neighbouring pixels at the same time, which halves the time on a software adapter.
+// 8 parts: part i has the columns i, i + 8, ... of its block. For sums over a quarter of the pixels, it has the columns 4i to 4i + 3 and 4i + 32 to
+// 4i + 35. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read
+// neighbouring pixels at the same time, so they share cache lines.
 
 struct MeasureFrame {
     size: vec2<u32>,

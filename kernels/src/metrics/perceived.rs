@@ -98,7 +98,7 @@ fn blurred([width, height]: [usize; 2], picture: &[f32], weights: &[f32]) -> Vec
 }
 
 /// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers. It computes in f32,
-/// with an error of about 1e-6 of the largest error in reach of a pixel.
+/// with a rounding error below 6e-6 of the largest error in reach of a pixel.
 pub struct Filter {
     size: [usize; 2],
     gaussians: [Vec<f32>; 2],

@@ -1,12 +1,12 @@
-// Occlusion culling of a phase: lists the patches of the phase that are not hidden by what earlier phases drew, in their order, and writes their
-// number into the phase's indirect draw. One workgroup handles all patches. A prefix sum finds the place of each patch in the list, so that the order
+// Occlusion culling of a phase: lists, for each batch of the phase, the patches that are not hidden by what earlier phases drew, in their order, and
+// writes their number into the batch's indirect draw. One workgroup handles the patches of a batch. A prefix sum finds the place of each patch in the list, so that the order
 // does not depend on the scheduling of the device.
 
-struct OcclusionPhase {
-    first: u32,         // index of the first patch of the phase
-    count: u32,         // number of patches of the phase
-    instances: u32,     // index in `arguments` of the number of instances that the phase draws
-    pad_0: u32,
+struct OcclusionBatch {
+    first: u32,         // index of the first patch of the batch
+    count: u32,         // number of patches of the batch
+    order: u32,         // index in `order` at which the patches of the batch are listed
+    instances: u32,     // index in `arguments` of the number of instances that the batch draws
 }
 
 // The box of a patch in local coordinates, metres.
@@ -17,7 +17,7 @@ struct OcclusionBox {
     pad_1: f32,
 }
 
-@group(1) @binding(0) var<storage, read> phase: OcclusionPhase;
+@group(1) @binding(0) var<storage, read> batches: array<OcclusionBatch>;
 @group(1) @binding(1) var<storage, read> boxes: array<OcclusionBox>;
 @group(1) @binding(2) var<storage, read> pyramid: array<f32>;
 // For each patch of the list, 1 if it is not hidden, else 0.
@@ -57,11 +57,12 @@ fn occlusion_hides(box: OcclusionBox) -> bool {
 }
 
 @compute @workgroup_size(OCCLUSION_LANES)
-fn occlusion_cull(@builtin(local_invocation_index) lane: u32) {
+fn occlusion_cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let batch = batches[group.x];
     // Each lane handles consecutive patches.
-    let share = (phase.count + OCCLUSION_LANES - 1u) / OCCLUSION_LANES;
-    let first = phase.first + min(lane * share, phase.count);
-    let end = phase.first + min((lane + 1u) * share, phase.count);
+    let share = (batch.count + OCCLUSION_LANES - 1u) / OCCLUSION_LANES;
+    let first = batch.first + min(lane * share, batch.count);
+    let end = batch.first + min((lane + 1u) * share, batch.count);
     var visible = 0u;
     for (var i = first; i < end; i++) {
         let is_shown = select(1u, 0u, occlusion_hides(boxes[i]));
@@ -80,7 +81,7 @@ fn occlusion_cull(@builtin(local_invocation_index) lane: u32) {
         occlusion_sums[lane] += before;
         workgroupBarrier();
     }
-    var at = phase.first + occlusion_sums[lane] - visible;
+    var at = batch.order + occlusion_sums[lane] - visible;
     for (var i = first; i < end; i++) {
         if shown[i] == 1u {
             order[at] = i;
@@ -88,6 +89,6 @@ fn occlusion_cull(@builtin(local_invocation_index) lane: u32) {
         }
     }
     if lane == OCCLUSION_LANES - 1u {
-        arguments[phase.instances] = occlusion_sums[lane];
+        arguments[batch.instances] = occlusion_sums[lane];
     }
 }

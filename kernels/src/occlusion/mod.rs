@@ -3,16 +3,16 @@
 //! The geometry pass draws the patches in phases, the nearest patches first ([`crate::geometry::PatchList`]). Before each phase but the first, this
 //! stage makes a depth pyramid from what was drawn, and tests the boxes of the phase's patches against it. So the result is a function of the view
 //! alone: no depth of an earlier frame is used.
-//! Reads depth, the boxes of the patches, and the camera. Writes the order of drawing and the indirect draw of a phase.
-//! Dispatch: one invocation per 8 x 8 pixels (and per 8 x 8 texels of every third level), then one workgroup for the patches of a phase.
-//! Limits: the test of a phase runs in one workgroup, so it uses a small part of a large GPU.
+//! Reads depth, the boxes of the patches, and the camera. Writes the order of drawing and the indirect draws of a phase.
+//! Dispatch: one invocation per 8 x 8 pixels (and per 8 x 8 texels of every third level), then one workgroup for each batch of the phase.
+//! Limits: the test of a batch runs in one workgroup, so it uses a small part of a large GPU.
 //! Source: Moore, GDC 2018, "GPU Culling", "Occlusion Buffer Culling"; Haar and Aaltonen, SIGGRAPH 2015, who test in two phases.
 
-use bytemuck::{Pod, Zeroable, bytes_of};
+use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::base::error::Result;
 use crate::base::wgsl::Wgsl;
-use crate::geometry::{self, ARGUMENT_WORDS, PatchList};
+use crate::geometry::{self, ARGUMENT_WORDS, Batch, PatchList};
 use crate::gpu::bindings::{Binding, aspect};
 use crate::gpu::uses::PassUse;
 use crate::gpu::{Recording, ShaderModule};
@@ -24,15 +24,15 @@ use crate::view;
 /// The number of levels that one dispatch makes.
 const LEVELS_PER_DISPATCH: u32 = 3;
 
-/// The parameters of a phase; the layout matches `OcclusionPhase` in `cull.wgsl`.
+/// The parameters of a batch; the layout matches `OcclusionBatch` in `cull.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct OcclusionPhase {
+pub struct OcclusionBatch {
     pub first: u32,
     pub count: u32,
+    pub order: u32,
     pub instances: u32,
-    pub pad_0: u32,
 }
 
 static PYRAMID_WGSL: Wgsl = Wgsl::new("occlusion/pyramid.wgsl", include_str!("pyramid.wgsl"), &[&shared::CULLING]);
@@ -117,17 +117,17 @@ impl Stage for Occlusion {
 
 impl Occlusion {
     /// Records the test of the patches of a phase against what was drawn so far.
-    pub fn encode(&self, rec: &mut Recording<'_>, targets: &geometry::Targets, pyramid: &Pyramid, list: &PatchList, phase: usize) {
+    pub fn encode(&self, rec: &mut Recording<'_>, targets: &geometry::Targets, pyramid: &Pyramid, list: &PatchList, phase: u32) {
         let gpu = rec.gpu;
         let depth = aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly);
-        let range = &list.phases[phase];
-        let parameters = OcclusionPhase {
-            first: range.start,
-            count: range.end - range.start,
-            instances: u32::try_from(phase).unwrap_or(0) * ARGUMENT_WORDS + 1,
-            ..OcclusionPhase::default()
+        let batch = |(index, &Batch { first, count, order, .. }): (usize, &Batch)| OcclusionBatch {
+            first,
+            count,
+            order,
+            instances: u32::try_from(index).unwrap_or(0) * ARGUMENT_WORDS + 1,
         };
-        let parameters = gpu.buffer_with("phase", wgpu::BufferUsages::STORAGE, bytes_of(&parameters));
+        let batches: Vec<OcclusionBatch> = list.of_phase(phase).map(batch).collect();
+        let parameters = gpu.buffer_with("batches", wgpu::BufferUsages::STORAGE, cast_slice(&batches));
         let buffers = [&parameters, &list.boxes, &pyramid.texels, &list.shown, &list.order, &list.arguments];
         let tested = gpu.group("occlusion", &self.cull_layout, &buffers.map(wgpu::Buffer::as_entire_binding));
         let made: Vec<_> = pyramid
@@ -146,7 +146,7 @@ impl Occlusion {
         }
         pass.set_pipeline(&self.cull);
         pass.set_bind_group(1, &tested, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
+        pass.dispatch_workgroups(u32::try_from(batches.len()).unwrap_or(0), 1, 1);
     }
 }
 

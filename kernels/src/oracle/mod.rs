@@ -5,19 +5,18 @@
 //! choice that follows from them, the page and level of the virtual texture, and the derivatives on the triangle that was drawn.
 //!
 //! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on
-//! the border of a coarser node are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from
+//! the sides of patches are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from
 //! neighbouring pixels: most triangles cover only a few pixels, so most neighbours are on different triangles.
 //!
 //! The weights after the height blend come from the device, because only the device has the heights of detail textures. They are the
 //! weights in the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
-use crate::culling::{PATCH_QUADS, pack_deltas};
+use crate::culling::{Levels, PATCH_QUADS, PATCHES};
 use crate::frame::picture::AovSet;
 use crate::frame::{Frame, RenderRequest, Renderer, VariantChoice};
 use crate::geometry::reference::{place, stitch, vertex};
 use crate::gpu::read_texture;
-use crate::quadtree::lod_map;
 use crate::scene::{Blend, Scene};
 use crate::shading::{Estimator, salt};
 use crate::shared::flavour_weights::{self, FlavourParams};
@@ -27,7 +26,7 @@ use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
 use crate::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
 use crate::world::payload::diagonal_rises;
-use crate::world::{LODS, Layout, NODE_QUADS, NodeId, World};
+use crate::world::{LODS, Layout, NodeId, World};
 use glam::{DVec2, DVec3};
 
 /// Layers that are read from the picture.
@@ -245,7 +244,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         beside_m: BESIDE[0] + BESIDE[1] * longest,
         off_plane_m: OFF_PLANE[0] + OFF_PLANE[1] * depth_m * view.ray_dy.length(),
     };
-    let triangle = spot.triangle(world, &picture.report.drawn, request.geometry.vertex_stride);
+    let triangle = spot.triangle(world, &picture.report.drawn, &picture.report.levels);
     let steps = [(ddx, view.ray_dx), (ddy, view.ray_dy)].map(|(shader, ray_step)| Derivative {
         shader,
         exact: triangle.and_then(|triangle| step_on_plane(ray, ray_step, depth_m, triangle.normal)),
@@ -344,45 +343,60 @@ struct Spot {
 
 impl Spot {
     /// Returns the triangle drawn at the point. At a common edge, several triangles contain the point within the tolerances; the result is the
-    /// triangle whose normal is most similar to the stored normal. `stride`: the vertex stride.
-    fn triangle(&self, world: &World, drawn: &[NodeId], stride: u32) -> Option<Triangle> {
+    /// triangle whose normal is most similar to the stored normal.
+    fn triangle(&self, world: &World, drawn: &[NodeId], levels: &Levels) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
         let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
-        let normal = |corners: [[u32; 2]; 3]| {
-            let [a, b, c] = corners.map(|corner| vertex(world, node, corner));
+        let normal = |near: Near| {
+            let [a, b, c] = near.corners.map(|corner| vertex(world, node, corner));
             let normal = (b - a).cross(c - a).try_normalize()?;
-            (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some(normal)
+            (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some((normal, near.stride))
         };
-        let inside = |corners: &[[u32; 2]; 3]| inside_m(corners.map(|corner| place(world, node, corner)), at) >= -self.beside_m;
-        let holding = triangles_near(node, layout, &lod_map(drawn), stride, at).into_iter().filter(inside);
-        let likeness = |normal: &DVec3| normal.dot(self.normal);
-        let normal = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
+        let inside = |near: &Near| inside_m(near.corners.map(|corner| place(world, node, corner)), at) >= -self.beside_m;
+        let holding = triangles_near(node, layout, levels, at).into_iter().filter(inside);
+        let likeness = |(normal, _): &(DVec3, u32)| normal.dot(self.normal);
+        let (normal, stride) = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
         Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod) * f64::from(stride), normal: normal.to_array() })
     }
 }
 
-/// Returns the triangles of a node near a position: the triangles of the quads next to the position. If the position is next to a border of the node,
-/// the triangles of all quads along that border are included, because stitching moves vertices along borders. The corners of a triangle are indices
-/// of vertices, already stitched, in counter-clockwise order if seen from above.
-fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[[u32; 2]; 3]> {
-    let quads = u32::from(NODE_QUADS);
+/// A triangle of a node.
+struct Near {
+    /// Indices of its vertices, already stitched, in counter-clockwise order if seen from above.
+    corners: [[u32; 2]; 3],
+    /// The vertex stride of its patch.
+    stride: u32,
+}
+
+/// Returns the triangles of a node near a position: those of the quads next to the position. If the position is next to a side of a patch, the
+/// triangles of all quads along that side are included, because stitching moves vertices along sides. If it moves vertices out of a patch, all triangles
+/// of the patch are included.
+fn triangles_near(node: NodeId, layout: &Layout, levels: &Levels, at: DVec2) -> Vec<Near> {
     let at = (at - node.origin_m(layout)) / layout.spacing_m(node.lod);
-    let edge = f64::from(stride);
-    let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 * edge - at).abs() <= 1.5 * edge;
-    let is_border = |quad: u32| quad == 0 || quad == quads - stride;
-    let step = stride as usize;
     let mut triangles = Vec::new();
-    for j in (0..quads).step_by(step) {
-        for i in (0..quads).step_by(step) {
-            if !(is_near(i, at.x) || is_border(j)) || !(is_near(j, at.y) || is_border(i)) {
-                continue;
+    for patch in (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| [column, row])) {
+        let (first, deltas, stride) = (patch.map(|n| n * PATCH_QUADS), levels.deltas(node, patch), 1 << levels.log2_stride(node, patch));
+        let reaches_out = Levels::reaches_out(deltas);
+        let edge = f64::from(stride);
+        let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 * edge - at).abs() <= 1.5 * edge;
+        let is_outermost = |quad: u32, first: u32| quad == first || quad == first + PATCH_QUADS - stride;
+        let is_beside = |k: usize, at: f64| (f64::from(first[k]) - edge..=f64::from(first[k] + PATCH_QUADS) + edge).contains(&at);
+        if !(reaches_out || is_beside(0, at.x) && is_beside(1, at.y)) {
+            continue;
+        }
+        for j in (first[1]..first[1] + PATCH_QUADS).step_by(stride as usize) {
+            for i in (first[0]..first[0] + PATCH_QUADS).step_by(stride as usize) {
+                let along = [is_near(i, at.x) || is_outermost(j, first[1]), is_near(j, at.y) || is_outermost(i, first[0])];
+                if !(reaches_out || along[0] && along[1]) {
+                    continue;
+                }
+                let corner = |x: u32, y: u32| stitch([i + x * stride, j + y * stride], first, PATCH_QUADS, deltas);
+                let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
+                let rises = diagonal_rises(((i - first[0]) / stride) as usize, ((j - first[1]) / stride) as usize);
+                let two = if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] };
+                triangles.extend(two.map(|corners| Near { corners, stride }));
             }
-            let deltas = pack_deltas(node, [i / PATCH_QUADS, j / PATCH_QUADS], lods, stride);
-            let corner = |x: u32, y: u32| stitch([i + x * stride, j + y * stride], deltas);
-            let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-            let rises = diagonal_rises(i as usize / step, j as usize / step);
-            triangles.extend(if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] });
         }
     }
     triangles
@@ -512,13 +526,17 @@ mod tests {
     #[test]
     fn triangles_cover_a_node_once_also_where_borders_are_welded() {
         let layout = Layout::of(10_240.0, None);
-        let [north_east, south_west] = [NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 2, x: 7, y: 7 }];
-        // One neighbour is five levels coarser, so its vertices are farther apart than the edge of a patch; the other neighbour is two levels
-        // coarser. The neighbours lie to the east and south of the first node, and to the north and west of the second.
-        for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
-            let lods = lod_map(&[node, north_east, south_west]);
-            for i in 0..600 {
-                let stride = [1, 2, 4][i as usize % 3];
+        let south_west = NodeId { lod: 2, x: 7, y: 7 };
+        // One neighbour is one level or five levels coarser; five levels coarser, its vertices are farther apart than the edge of a patch. The other
+        // neighbour is two levels coarser. The neighbours lie to the east and south of the first node, and to the north and west of the second.
+        let of_node = |node: NodeId| [1, 5].map(|lod| [node, south_west, NodeId { lod, x: 32 >> lod, y: 32 >> lod }]);
+        for nodes in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }].into_iter().flat_map(of_node) {
+            for i in 0..800 {
+                let node = nodes[0];
+                let log2_least = (i % 3) as u8;
+                let of_patch = |node: usize, [column, row]: [u32; 2]| (unit(i, 40 + 8 * row + column + node as u32) * 5.0) as u8;
+                let levels = Levels::new(&nodes, log2_least, of_patch);
+                let stride = 1 << (log2_least + [0, 2][i as usize / 3 % 2]);
                 // Half of the coordinates lie in the outermost quads.
                 let along = |k: u32| {
                     let u = unit(i, k);
@@ -532,8 +550,8 @@ mod tests {
                 let at = node.origin_m(&layout) + DVec2::new(along(0), along(1));
                 let position =
                     |[x, y]: [u32; 2]| node.origin_m(&layout) + DVec2::new(f64::from(x), f64::from(y)) * layout.spacing_m(node.lod);
-                let triangles = triangles_near(node, &layout, &lods, stride, at);
-                let inside: Vec<f64> = triangles.into_iter().map(|corners| inside_m(corners.map(position), at)).collect();
+                let triangles = triangles_near(node, &layout, &levels, at);
+                let inside: Vec<f64> = triangles.into_iter().map(|near| inside_m(near.corners.map(position), at)).collect();
                 let on_a_side = inside.iter().any(|m| m.abs() < 1e-6);
                 let holding = inside.iter().filter(|m| **m > 0.0).count();
                 assert!(holding == 1 || on_a_side, "{holding} triangles at {at}");
@@ -551,15 +569,15 @@ mod tests {
             let at = node.origin_m(&layout) + DVec2::new(unit(i, 5), unit(i, 6)) * layout.node_m(node.lod);
             let height = |x: f64, y: f64| world.surface_height_m(x, y);
             let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
-            let triangle = spot(0.0).triangle(&world, &[node], 1).expect("every place has a triangle");
+            let triangle = spot(0.0).triangle(&world, &[node], &Levels::new(&[node], 0, |_, _| 0)).expect("every place has a triangle");
             assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
             // The slope of the triangle equals that of the surface.
             let [x, y, z] = triangle.normal;
             let step = 1e-7;
             let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);
             assert!((slope[0] + x / z).abs() < 1e-3 && (slope[1] + y / z).abs() < 1e-3, "{slope:?} {triangle:?}");
-            assert_eq!(spot(0.1).triangle(&world, &[node], 1), None, "nothing is drawn in the air");
-            assert_eq!(spot(0.0).triangle(&world, &[], 1), None);
+            assert_eq!(spot(0.1).triangle(&world, &[node], &Levels::new(&[node], 0, |_, _| 0)), None, "nothing is drawn in the air");
+            assert_eq!(spot(0.0).triangle(&world, &[], &Levels::default()), None);
         }
     }
 

@@ -95,7 +95,7 @@ pub(super) const WELD: Probe = Probe {
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 2> {
     let deltas = u32(row[2]) | (u32(row[3]) << 4u) | (u32(row[4]) << 8u) | (u32(row[5]) << 12u);
-    let to = geometry_stitch(vec2<u32>(u32(row[0]), u32(row[1])), deltas);
+    let to = geometry_stitch(vec2<u32>(u32(row[0]), u32(row[1])), vec2<u32>(0u), 128u, deltas);
     return array<f32, 2>(f32(to.x), f32(to.y));
 }",
     single: weld_row,
@@ -112,6 +112,6 @@ fn probe(row: array<f32, 6>) -> array<f32, 2> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
 fn weld_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let [x, y, west, south, east, north] = take::<T, 6>(row, 0).map(|v| v.to_f64() as u32);
-    let to = reference::stitch([x, y], west | south << 4 | east << 8 | north << 12);
+    let to = reference::stitch([x, y], [0, 0], 128, west | south << 4 | east << 8 | north << 12);
     out.extend(to.map(|v| T::of(f64::from(v))));
 }

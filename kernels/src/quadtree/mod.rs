@@ -12,6 +12,10 @@ use crate::world::cones::{self, Cone};
 use crate::world::payload::HEIGHT_SIDE;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, NodePayload, SECTORS, World};
 
+mod detail;
+
+pub use detail::{COARSE_STRIDES, stride_errors};
+
 /// The data of a loaded node that the traversal uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeBounds {
@@ -24,6 +28,9 @@ pub struct NodeBounds {
 pub struct PatchBounds {
     /// Lowest and highest elevation of the patch's vertices, metres, before any stitching.
     pub height_m: [f64; 2],
+    /// For each of [`COARSE_STRIDES`], the largest error of the patch's surface with this vertex stride, metres ([`stride_errors`]). Infinite if the
+    /// patch has a hole or reaches beyond the data, because other vertices would change the hole or the edge.
+    pub errors_m: [f64; COARSE_STRIDES.len()],
     /// Contains the normals of the patch's triangles, before any stitching and at vertex stride 1.
     pub cone: Cone,
 }
@@ -32,12 +39,21 @@ impl PatchBounds {
     /// Returns the bounds of the patches of a node, row by row from the south-west corner.
     pub fn of(world: &World, payload: &NodePayload) -> Vec<PatchBounds> {
         let quads = NODE_QUADS as usize / cones::PATCHES;
+        let (origin, spacing) = (payload.id.origin_m(world.layout()), world.layout().spacing_m(payload.id.lod));
         let cones = cones::decode(&payload.cones);
         let bounds = cones.into_iter().enumerate().map(|(patch, cone)| {
             let first = (patch / cones::PATCHES * HEIGHT_SIDE + patch % cones::PATCHES) * quads;
+            let corner = [patch % cones::PATCHES, patch / cones::PATCHES].map(|n| n * quads);
+            let at = |x: usize, y: usize| origin + DVec2::new((corner[0] + x) as f64, (corner[1] + y) as f64) * spacing;
+            let is_ground = |at: DVec2| world.drawn_at(at.to_array()) == at.to_array() && !world.is_hole(at.x, at.y);
+            let errors_m = if (0..=quads).all(|y| (0..=quads).all(|x| is_ground(at(x, y)))) {
+                stride_errors(|x, y| world.elevation_m(payload.height[first + y * HEIGHT_SIDE + x]))
+            } else {
+                [f64::INFINITY; COARSE_STRIDES.len()]
+            };
             let rows = (0..=quads).flat_map(|row| &payload.height[first + row * HEIGHT_SIDE..][..=quads]);
             let (low, high) = rows.fold((u16::MAX, 0), |(low, high), &height| (low.min(height), high.max(height)));
-            PatchBounds { height_m: [low, high].map(|height| world.elevation_m(height)), cone }
+            PatchBounds { height_m: [low, high].map(|height| world.elevation_m(height)), errors_m, cone }
         });
         bounds.collect()
     }
@@ -75,6 +91,15 @@ pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View)
     let first_sector = DVec2::new(f64::from(node.x), f64::from(node.y)) * f64::from(1u32 << node.lod);
     let corner = (first_sector - view.sector.as_dvec2()) * layout.sector_m;
     (corner.extend(bounds.height_m[0]), (corner + edge).extend(bounds.height_m[1]))
+}
+
+/// Minimum and maximum corner of the bounding box of a patch, as in [`local_box`]. `patch`: its column and row. `height_m`: lowest and highest
+/// elevation, metres.
+pub fn patch_box(node: NodeId, patch: [u32; 2], height_m: [f64; 2], layout: &Layout, view: &View) -> (DVec3, DVec3) {
+    let (low, _) = local_box(node, NodeBounds { height_m }, layout, view);
+    let edge = layout.node_m(node.lod) / cones::PATCHES as f64;
+    let corner = low.truncate() + DVec2::from_array(patch.map(f64::from)) * edge;
+    (corner.extend(height_m[0]), (corner + edge).extend(height_m[1]))
 }
 
 /// Limits of the LOD bias, see [`select`].

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
+use glam::{BVec3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 
 use crate::scene::{CameraPath, CameraPose};
 use crate::shared::culling;
@@ -136,6 +136,28 @@ impl View {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
+    /// Bound on the shift on the screen, pixels, of a visible point in a box (local coordinates) that moves by 1 m in any direction. It holds to first
+    /// order, for moves that are small compared with the distance. With the depth w along the view direction and the angle a from it, a move of 1 m
+    /// perpendicular to the ray of a point, in the plane of ray and view direction, shifts the point by 1 / (w cos a) pixels per pixel of focal length.
+    pub fn shift_px_per_m(&self, low: DVec3, high: DVec3) -> f64 {
+        let [_, _, forward] = self.pose.axes();
+        let [right, bottom] = self.size.map(|n| f64::from(n) - 0.5);
+        // The largest 1 / cos a in the picture.
+        let widest = [(-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom)]
+            .map(|(x, y)| self.ray(x, y).length())
+            .into_iter()
+            .fold(1.0, f64::max);
+        let (mut depth, mut slant) = (f64::INFINITY, 1.0f64);
+        for i in 0..8 {
+            let corner = DVec3::select(BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low) - self.camera;
+            let along = corner.dot(forward);
+            depth = depth.min(along);
+            slant = slant.max(if along > 0.0 { corner.length() / along } else { f64::INFINITY });
+        }
+        let nearest = self.camera.distance(self.camera.clamp(low, high));
+        slant.min(widest) / depth.max(nearest / widest).max(NEAR_M) / self.ray_dx.length()
+    }
+
     /// Whether a box in local coordinates may be visible: false only if it lies completely outside one of the frustum's planes ([`culling::beyond`]).
     /// A box with NaN counts as visible.
     pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
@@ -153,6 +175,29 @@ mod tests {
 
     fn pose() -> Pose {
         Pose { position: DVec3::new(100.0, -50.0, 30.0), yaw: 0.7, pitch: -0.2, fov: 0.9 }
+    }
+
+    #[test]
+    fn no_visible_point_of_a_box_moves_by_more_than_the_bound() {
+        let view = View::new(pose(), [320, 180], [0.0; 2], 64.0, 10_240.0);
+        let on_screen = |point: DVec3| {
+            let clip = view.clip_from_local * point.extend(1.0);
+            DVec2::new(160.0 * clip.x, 90.0 * clip.y) / clip.w
+        };
+        let mut closest = 0.0f64;
+        for i in 0..2000u32 {
+            let unit = |k: u32| f64::from(crate::shared::hash::pcg4d([i, k, 4, 1])[0]) / 4_294_967_296.0;
+            let point = view.camera + view.ray(320.0 * unit(0) - 0.5, 180.0 * unit(1) - 0.5) * (1.0 + 900.0 * unit(2) * unit(2));
+            let size = DVec3::new(unit(3), unit(4), unit(5)) * 20.0 * unit(6);
+            let low = point - size * DVec3::new(unit(7), unit(8), unit(9));
+            let direction = DVec3::new(unit(10) - 0.5, unit(11) - 0.5, unit(12) - 0.5).normalize();
+            let step = 1e-6;
+            let moved = on_screen(point + direction * step).distance(on_screen(point)) / step;
+            let bound = view.shift_px_per_m(low, low + size);
+            assert!(moved <= bound * (1.0 + 1e-4), "{moved} of {bound}");
+            closest = closest.max(moved / bound);
+        }
+        assert!(closest > 0.9, "the bound is far too large: {closest}");
     }
 
     #[test]

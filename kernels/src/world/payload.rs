@@ -496,7 +496,7 @@ pub(super) fn triangle_gradients([sw, se, nw, ne]: [f64; 4], rises: bool) -> [[f
 }
 
 /// Height inside a quad at (u, v) in 0..=1 from its south-west corner. The corner heights are in the order of [`triangle_gradients`].
-pub(super) fn height_in_quad(corners: [f64; 4], rises: bool, u: f64, v: f64) -> f64 {
+pub(crate) fn height_in_quad(corners: [f64; 4], rises: bool, u: f64, v: f64) -> f64 {
     let [sw, _, _, ne] = corners;
     let [southern, northern] = triangle_gradients(corners, rises);
     if rises {

@@ -514,6 +514,7 @@ mod tests {
             normals: NormalEncoding::PlaneFirst,
             lod_bias: -1.5,
             vertex_stride: 4,
+            geometry_error: 0.5,
             ..settings.frame
         };
         settings.frame.stages.display = Exposure { exposure: 1.5, tone_curve: ToneCurve::Clip };
