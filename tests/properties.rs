@@ -991,7 +991,7 @@ fn node() -> impl Strategy<Value = NodeId> {
     })
 }
 
-/// What the patches on one side of a line contribute to it.
+/// The vertices and the covered parts that the patches on one side of a line have on it.
 #[derive(Default)]
 struct Border {
     vertices: BTreeSet<[u64; 2]>,
@@ -1036,9 +1036,9 @@ proptest! {
             let index = 7 * usize::from(node.x) + 13 * usize::from(node.y) + 3 * column as usize + 5 * row as usize;
             strides[index % 64].min(most)
         });
-        // For each line on which sides of patches lie, the vertices that belong to it and the parts of it that are covered: once for the patches south or west of
-        // the line, once for the others. A line is vertical or horizontal, and has one coordinate. All coordinates are in quads of LOD 0; a part has
-        // 16 of them.
+        // For each line on which sides of patches lie, the vertices that belong to it and the parts of it that are covered: once for the patches south
+        // or west of the line, once for the others. A line is vertical or horizontal, and has one coordinate. All coordinates are in quads of LOD 0; a
+        // part has 16 of them.
         let mut lines: HashMap<(usize, u64), [Border; 2]> = HashMap::new();
         for (&node, patch) in nodes.iter().flat_map(|node| (0..64u32).map(move |i| (node, [i % 8, i / 8]))) {
             let (stride, deltas) = (1 << levels.log2_stride(node, patch), levels.deltas(node, patch));

@@ -45,9 +45,9 @@ impl Side {
 }
 
 impl Levels {
-    /// `log2_stride`: log2 of the vertex stride that a patch should have, 0 to 4, by the index of its node, its column and its row. `log2_least`: log2 of the least
-    /// stride, 0 to 2. The stride of a patch is lowered where a neighbour would otherwise weld its vertices over more than one patch. It is never below
-    /// the least stride.
+    /// `log2_stride`: log2 of the vertex stride that a patch should have, 0 to 4, by the index of its node, its column and its row. `log2_least`: log2 of
+    /// the least stride, 0 to 2. The stride of a patch is lowered where a neighbour would otherwise weld its vertices over more than one patch. It is
+    /// never below the least stride.
     pub fn new(nodes: &[NodeId], log2_least: u8, log2_stride: impl Fn(usize, [u32; 2]) -> u8) -> Levels {
         let side = usize::from(SECTORS);
         let mut levels = Levels { nodes: nodes.iter().map(|&node| (node, Vec::new())).collect(), sectors: vec![0; side * side] };

@@ -15,7 +15,7 @@ struct Patch {
 }
 
 @group(2) @binding(0) var<storage, read> patches: array<Patch>;
-// For each instance of a phase, the index of its patch.
+// For each instance of a batch, the index of its patch.
 @group(2) @binding(1) var<storage, read> order: array<u32>;
 
 struct GeometryVarying {

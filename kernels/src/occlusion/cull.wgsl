@@ -1,6 +1,6 @@
 // Occlusion culling of a phase: lists, for each batch of the phase, the patches that are not hidden by what earlier phases drew, in their order, and
-// writes their number into the batch's indirect draw. One workgroup handles the patches of a batch. A prefix sum finds the place of each patch in the list, so that the order
-// does not depend on the scheduling of the device.
+// writes their number into the batch's indirect draw. One workgroup handles the patches of a batch. A prefix sum finds the
+// place of each patch in the list, so that the order does not depend on the scheduling of the device.
 
 struct OcclusionBatch {
     first: u32,         // index of the first patch of the batch
