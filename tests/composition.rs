@@ -153,7 +153,7 @@ fn links_lead_to_the_same_surface_point() {
             let past = Past::between(&views[index], &views[index - lag]);
             for at in 0..PIXELS as usize {
                 let pixel = [at as u32 % SIZE[0], at as u32 / SIZE[0]];
-                if depth[at] <= 0.0 || (lag > 1 && !in_quarter(pixel, index as u32 % 4)) {
+                if depth[at] <= 0.0 || (lag > 1 && !in_quarter(pixel[1], index as u32 % 4)) {
                     continue;
                 }
                 on += 1;

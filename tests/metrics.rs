@@ -214,7 +214,7 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
         let expected = reference::measure(SIZE, &pictures[5], None, &past, 5 % 4);
         for (lag, (found, expected)) in last.lags.iter().zip(&expected.lags).enumerate() {
             let missing = |x: usize| moved && x < 3 * (lag + 1);
-            let followed = |at: &usize| lag == 0 || motion::in_quarter([at % width, at / width].map(|n| n as u32), 5 % 4);
+            let followed = |at: &usize| lag == 0 || motion::in_quarter((at / width) as u32, 5 % 4);
             assert_eq!(found.terrain, (0..PIXELS).filter(followed).count() as u64);
             assert_eq!(found.linked, (0..PIXELS).filter(|at| followed(at) && !missing(at % width)).count() as u64);
             assert_eq!(found.terrain, expected.terrain);

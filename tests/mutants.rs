@@ -371,7 +371,7 @@ const SPOILT: [Spoilt; 3] = [
     },
 ];
 const SPOILT_FILE: &str = "motion/motion.wgsl";
-const SPOILT_LINE: &str = "let x = motion_of_quarter(first, row, motion.quarter);";
+const SPOILT_LINE: &str = "let row = motion_row_of_quarter(first, motion.quarter);";
 const SPOILT_TEST: &str = "motion::links";
 const SPOILT_LIMIT: Duration = Duration::from_secs(20);
 

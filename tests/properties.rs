@@ -976,7 +976,7 @@ proptest! {
         let uniform = still.uniform();
         prop_assert_eq!((still.cast::<f32>().forward, uniform.offset), (uniform.forward, [0.0; 3]));
         for quarter in 0..4 {
-            let count = (0..16u32).filter(|i| motion::in_quarter([i % 4, i / 4], quarter)).count();
+            let count = (0..16u32).filter(|&row| motion::in_quarter(row, quarter)).count();
             prop_assert_eq!(count, 4);
         }
     }

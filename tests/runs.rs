@@ -274,9 +274,9 @@ fn a_run_is_the_same_in_shards() {
     assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing: shard 1/2"), "{report:?}");
 }
 
-/// Measures pictures that consist of two pixels in one row. The metrics compare every pixel with the previous frame (lag 1), but only one pixel in
-/// four with earlier frames (lags above 1). This quarter of the pixels changes from frame to frame. It contains one of the two pixels in some frames,
-/// and none of them in the other frames, which then have no values for lags above 1.
+/// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1), but only one row in four
+/// with earlier frames (lags above 1). This quarter of the rows changes from frame to frame. It contains the row in one of four frames; the other
+/// frames have no values for lags above 1.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");

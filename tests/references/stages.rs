@@ -188,40 +188,41 @@ fn grey(value: f32, fetches: u32, choice: u32) -> [u32; 2] {
 fn the_sums_of_eight_pixels_are_those_counted_by_hand() {
     let size = [4, 2];
     let now =
-        [grey(0.5, 1, 1), grey(0.25, 2, 2), grey(1.0, 3, 3), grey(0.75, 4, 0), SKY, grey(0.5, 6, 5), grey(0.125, 7, 6), grey(2.0, 8, 7)];
+        [grey(0.5, 1, 1), grey(0.5, 6, 5), grey(1.0, 3, 3), grey(0.75, 4, 0), SKY, grey(0.25, 2, 2), grey(0.125, 7, 6), grey(2.0, 8, 7)];
     let before = [
         grey(0.5, 0, 1),
-        grey(0.186_523_44, 0, 3),
+        grey(0.5, 0, 0),
         grey(1.0, 0, 3),
         grey(0.25, 0, 4),
         grey(0.5, 0, 1),
-        grey(0.5, 0, 0),
+        grey(0.186_523_44, 0, 3),
         SKY,
         grey(4.0625, 0, 8),
     ];
     let links = [0, 1, NO_LINK, 3, 4, 5, 6, 7];
-    // Quarter 1 contains pixel 1 of the first row and pixel 3 of the second row, which have the indices 1 and 7. At lag 2, pixel 1 is linked to pixel
-    // 0, and pixel 7 has no link.
+    // Quarter 1 contains the second row, which has the pixels 4 to 7. Pixel 4 is sky. At lag 2, pixel 5 is linked to pixel 0, and the pixels 6 and 7
+    // have no link.
     let earlier = [grey(0.75, 0, 2); 8];
-    let far = [NO_LINK, 0, 0, 0, 0, 0, 0, NO_LINK];
+    let far = [0, 0, 0, 0, 0, 0, NO_LINK, NO_LINK];
     let sums = without_reference(size, &now, &[(&before[..], &links[..]), (&earlier[..], &far[..])], 1);
     assert_eq!((sums.terrain, sums.fetches), (7, 31));
-    // At lag 1, the pixels 0, 1, 3, 5 and 7 are linked. Their luminances differ by 0, 65/1024, 1/2, 0 and 33/16. The pixels 0, 1 and 7 made a choice
-    // in both frames. The choices of 1 and 7 differ.
+    // At lag 1, the pixels 0, 1, 3, 5 and 7 are linked. Their luminances differ by 0, 0, 1/2, 65/1024 and 33/16. The pixels 0, 5 and 7 made a choice
+    // in both frames. The choices of 5 and 7 differ.
     let expected =
         LagSums { terrain: 7, linked: 5, chosen: 3, flipped: 2, difference: 65.0 / 1024.0 + 0.5 + 33.0 / 16.0, ..LagSums::default() };
     assert_lag(&sums, 0, expected);
-    assert_lag(&sums, 1, LagSums { terrain: 2, linked: 1, chosen: 1, flipped: 0, difference: 0.5, ..LagSums::default() });
+    assert_lag(&sums, 1, LagSums { terrain: 3, linked: 1, chosen: 1, flipped: 0, difference: 0.5, ..LagSums::default() });
     assert_lag(&sums, 2, LagSums::default());
-    // The history of pixel 1 is accepted, because its neighbour to the lower right is darker. The history of pixel 7 is rejected, because it is
-    // brighter than all pixels of the 3 x 3 box around pixel 7.
+    // The pixels 5 and 7 are tested; pixel 6 was sky in the earlier frame. The history of pixel 5 is accepted, because pixel 6 is darker. The history
+    // of pixel 7 is rejected, because it is brighter than all pixels of the 3 x 3 box around pixel 7.
     assert_eq!((sums.tested, sums.rejected), (2, 1));
     // The differences of the two tested pixels are a little above 2^-4 and 2^1. These are 10 and 15 octaves above the lowest bin, and an octave has
     // 16 bins.
     assert_eq!(filled(&sums), [(160, 1), (240, 1)]);
-    // Quarter 0 contains pixel 0 of the first row, which did not change, and pixel 2 of the second row, which was sky in the earlier frame.
+    // Quarter 0 contains the first row. The pixels 0 and 1 did not change, pixel 2 has no link, and pixel 3 changed by 2^-1, 13 octaves above the
+    // lowest bin.
     let sums = without_reference(size, &now, &[(&before[..], &links[..])], 0);
-    assert_eq!((sums.tested, sums.rejected, filled(&sums)), (1, 0, vec![(0, 1)]));
+    assert_eq!((sums.tested, sums.rejected, filled(&sums)), (3, 0, vec![(0, 2), (208, 1)]));
 }
 
 /// The sums of a frame whose reference sequence is not known. `past` has the earlier pictures, each with the links that lead to it.

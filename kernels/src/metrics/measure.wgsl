@@ -1,15 +1,14 @@
 // A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames,
 // and writes sums and histograms. Only these are read back, never a picture. The picture is divided into blocks of 64 x 8 pixels, and each block into
-// 8 parts: part i has the columns i, i + 8, ... of its block. For sums over a quarter of the pixels, it has the columns 4i to 4i + 3 and 4i + 32 to
-// 4i + 35. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read
-// neighbouring pixels at the same time, so they share cache lines.
+// 8 parts: part i has the columns i, i + 8, ... of its block. One invocation sums a part, so no barrier is needed, and the order of the additions is
+// fixed. Neighbouring invocations read neighbouring pixels at the same time, so they share cache lines.
 
 struct MeasureFrame {
     size: vec2<u32>,
     blocks: vec2<u32>,          // number of blocks in each direction
     slot: u32,                  // index in `signal` at which the picture of this frame begins
     lags: u32,                  // number of earlier frames, 0..=4
-    quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histograms and lags 2 to 4
+    quarter: u32,               // index, 0..=3, of the quarter of the rows that is used for the box test, the histograms and lags 2 to 4
     referenced: u32,            // number of frames, 0..=5, whose picture `reference` contains; counted back from this frame without a gap
     past_slots: vec4<u32>,      // index in `signal` at which the picture of each earlier frame begins
     memory_slot: u32,           // index in `memory` at which this frame begins
@@ -223,14 +222,14 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own. With a branch
+    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the rows. They have a loop of their own. With a branch
     // in the loop above, a processor that runs its lanes in lockstep would execute this code for all pixels.
-    for (var y = origin.y; y < end.y; y++) {
-        for (var first = origin.x + 4u * lane; first < end.x; first += 32u) {
-            let x = motion_of_quarter(first, y, measure.quarter);
-            if x >= end.x {
-                continue;
-            }
+    for (var first = origin.y; first < end.y; first += 4u) {
+        let y = motion_row_of_quarter(first, measure.quarter);
+        if y >= end.y {
+            continue;
+        }
+        for (var x = origin.x + lane; x < end.x; x += 8u) {
             let at = y * measure.size.x + x;
             let now = signal[measure.slot + at];
             if !signal_is_terrain(now) {

@@ -35,7 +35,7 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], reference: Option<&[[u32; 2]]>,
         sums.terrain += 1;
         sums.fetches += u64::from(signal::fetches(signal_now));
         let (x, y) = (at % width, at / width);
-        let in_quarter = motion::in_quarter([x as u32, y as u32], quarter);
+        let in_quarter = motion::in_quarter(y as u32, quarter);
         for (lag, past) in past.iter().enumerate().take(LAGS) {
             if lag > 0 && !in_quarter {
                 continue;

@@ -2,8 +2,8 @@
 //!
 //! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, links, and the exact
 //! position of each point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the linked pixel, or
-//! [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the pixels is linked; each
-//! frame uses a different quarter. Dispatch: one workgroup per 128 x 2 pixels.
+//! [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the rows is linked; each
+//! frame uses a different quarter. Dispatch: one workgroup per 32 x 8 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -40,7 +40,7 @@ pub struct Slots {
     pub now: u32,
     /// Offsets of the pictures 1 to 4 frames earlier.
     pub past: [u32; LAGS],
-    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for lags 2 to 4, for rejections, and for the histograms of changes.
+    /// Index, 0 to 3, of the quarter of the rows that this frame uses for lags 2 to 4, for rejections, and for the histograms of changes.
     pub quarter: u32,
 }
 
@@ -152,7 +152,7 @@ impl Motion {
         let buffers = [&buffer, &self.distances, &self.links, &self.positions];
         let group = gpu.group("motion", &self.layout, &buffers.map(wgpu::Buffer::as_entire_binding));
         let mut pass = rec.compute("motion", &self.pipeline, 1, &[&targets, &group]);
-        pass.dispatch_workgroups(now.size[0].div_ceil(4 * 32), now.size[1].div_ceil(2), 1);
+        pass.dispatch_workgroups(now.size[0].div_ceil(32), now.size[1].div_ceil(4 * 2), 1);
     }
 
     /// Adds the view of a finished frame to the views of the earlier frames.

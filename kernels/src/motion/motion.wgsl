@@ -6,7 +6,7 @@ struct MotionFrame {
     lags: u32,                      // number of earlier frames, 0..=4
     slot: u32,                      // index in `distances` at which this frame begins
     tolerance: f32,                 // largest relative difference in depth between two points of one surface
-    quarter: u32,                   // index, 0..=3, of the quarter of the pixels that is linked at lags 2 to 4
+    quarter: u32,                   // index, 0..=3, of the quarter of the rows that is linked at lags 2 to 4
     past_slots: vec4<u32>,          // index in `distances` at which each earlier frame begins
 }
 
@@ -15,8 +15,8 @@ struct MotionFrame {
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
 // Distance of each pixel's surface point along the view direction, metres; 0 = no terrain. One picture per slot of the ring.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
-// For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the pixels
-// of the quarter are written.
+// For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the rows of
+// the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
 // For each pixel, the exact position of its surface point one frame earlier, pixels; -1e9 = the point was not seen. Written only with
 // MOTION_POSITIONS.
@@ -63,20 +63,20 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
     return MotionFound(there, was.xy);
 }
 
-// A row of the workgroup handles 128 neighbouring pixels. At lag 1, each invocation links four of them, 32 pixels apart, so that neighbouring
-// invocations read neighbouring pixels. At lags 2 to 4, it links the pixel of the quarter among four neighbours. This is not a branch in the loop: a
-// processor that runs its lanes in lockstep would execute the branch for all four pixels.
+// An invocation handles four rows of one column, so neighbouring invocations read neighbouring pixels. At lag 1, it links all four pixels. At lags 2
+// to 4, it links only the pixel in the row of the quarter. This is not a branch in the loop: a processor that runs its lanes in lockstep would execute
+// the branch for all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;
-    let row = id.y;
-    if row >= frame.size.y {
+    let x = id.x;
+    let first = 4u * id.y;
+    if x >= frame.size.x {
         return;
     }
-    let begin = id.x / 32u * 128u + id.x % 32u;
-    for (var x = begin; x < min(begin + 128u, frame.size.x); x += 32u) {
-        let at = row * frame.size.x + x;
-        let seen = motion_point(vec2<u32>(x, row));
+    for (var y = first; y < min(first + 4u, frame.size.y); y++) {
+        let at = y * frame.size.x + x;
+        let seen = motion_point(vec2<u32>(x, y));
         let found = motion_find(seen, 0u);
         distances[motion.slot + at] = seen.distance;
         links[at] = found.link;
@@ -84,9 +84,8 @@ fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
             positions[at] = found.position;
         }
     }
-    let first = id.x * 4u;
-    let x = motion_of_quarter(first, row, motion.quarter);
-    if x >= frame.size.x {
+    let row = motion_row_of_quarter(first, motion.quarter);
+    if row >= frame.size.y {
         return;
     }
     let at = row * frame.size.x + x;

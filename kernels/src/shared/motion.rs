@@ -116,8 +116,8 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a pixel belongs to a quarter of the pixels; `quarter` is 0 to 3. A quarter has every fourth pixel of a row, shifted by two pixels in the
-/// next row. In WGSL: `motion_of_quarter`, which returns the one of four neighbouring pixels of a row that belongs to the quarter.
-pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
-    pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
+/// Whether a row of pixels belongs to a quarter of the rows; `quarter` is 0 to 3. A quarter has one of each four rows; this row moves by one from
+/// each four rows to the next. In WGSL: `motion_row_of_quarter`, which returns the one of four rows that belongs to the quarter.
+pub fn in_quarter(row: u32, quarter: u32) -> bool {
+    row % 4 == (quarter + row / 4) % 4
 }

@@ -57,8 +57,9 @@ fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
 
-// Column of the pixel that belongs to `quarter`, 0..=3, among the four pixels of row `y` that begin at column `first`, a multiple of 4. A quarter has
-// every fourth pixel of a row, shifted by two in the next row. Each pixel belongs to exactly one quarter.
-fn motion_of_quarter(first: u32, y: u32, quarter: u32) -> u32 {
-    return first + ((quarter + 2u * y) & 3u);
+// The row that belongs to `quarter`, 0..=3, among the four rows that begin at row `first`, a multiple of 4. A quarter has whole rows, because their
+// pixels share cache lines. Its row moves by one from each four rows to the next, so a pattern with a period of 2, 4 or 8 rows is sampled evenly.
+// Each row belongs to exactly one quarter.
+fn motion_row_of_quarter(first: u32, quarter: u32) -> u32 {
+    return first + ((quarter + first / 4u) & 3u);
 }
