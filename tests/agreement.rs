@@ -718,7 +718,7 @@ const CASES: &[Case] = &[
             // In this order: one corner of the box is left out; some corners are used twice; the image is upside down; the first column and row have
             // no margin; the margin of the last column and row points inwards; the depth of the farthest corner is used; the level of the depth
             // pyramid is too fine; a box counts as hidden if it is hidden in one texel instead of all; boxes in front of the stored depth count as
-            // hidden instead of boxes behind it; a box that reaches behind the near plane is not treated as undecided; the numbers of the box are not
+            // hidden instead of boxes behind it; a box that reaches behind the near plane may count as hidden; the numbers of the box are not
             // checked; the depth is rounded to the wrong side; the sizes of levels are rounded down.
             ("culling", "corner < 8u", "corner < 7u"),
             ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),

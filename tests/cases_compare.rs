@@ -390,7 +390,7 @@ fn tables_that_may_mean_two_things_are_refused() {
     refused(&table("w_0,w_1,w_2,w_3,u\n1,1,1,1,0,1\n"), &["line 2 has 6 cells (separated by `,`)", "decimal comma"]);
     refused(&table("w_0:w_1:w_2:w_3:u\n1:1:1:1:0\n"), &["no column `w_0`", "separated by `,`", "w_0:w_1:w_2:w_3:u"]);
     refused(&table("sep=:\nw_0:w_1:w_2:w_3:u\n"), &["table.csv", "first line", "delimiter"]);
-    // The line that names the delimiter is counted, so the second row is line 3.
+    // The line that names the delimiter is line 1, and the header is line 2, so the row with the fault is line 3.
     refused(&table("sep=;\nw_0;w_1;w_2;w_3;u\n1;1;1;1;x\n"), &["line 3", "`x` is not a number"]);
     fs::write(folder.path("table.csv"), b"w_0,w_1,w_2,w_3,u\n1,1,1,1,\xb2\n").expect("a temporary file can be written");
     refused(&folder.path("table.csv"), &["not UTF-8", "line 2"]);

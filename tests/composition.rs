@@ -263,7 +263,7 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
         }
     }
     assert!(checked > 500, "only {checked} samples lie on the expected edge");
-    // Negative control: the number of samples that also fit the opposite edge of the pixel must be less than a tenth.
+    // Negative control: fewer than a tenth as many samples may lie on the opposite edge of their pixel.
     assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
 }
 
@@ -272,7 +272,7 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let scene = small_scene();
     let with = |options: RendererOptions| Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
     let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
-        // This test does not use the fetches. It requests them only to need the same shaders as the test of all variants. Both tests share a
+        // This test does not use the fetches. It requests them so that it uses the same shaders as the test of all variants. Both tests share a
         // renderer, so these shaders are compiled only once.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
         let request = request(renderer, "cliff").with(|r| {

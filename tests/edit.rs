@@ -205,8 +205,8 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         let width = SIZE[0] as usize;
         (width..on.len()).filter(|&i| on[i - width] && !on[i]).count()
     };
-    // At the coarsest levels, the neighbour of a drawn node may be a root of the quadtree that is not split, and borders are welded over many
-    // patches. The camera is turned in steps, so that in some of the pictures such patches extend beyond the edge of the picture.
+    // At the coarsest levels, the neighbour of a drawn node may be a root of the quadtree that is not split, and the vertices at their border are
+    // moved over the length of many patches. The camera is turned in steps, so that patches at such borders extend beyond the edge of some pictures.
     let cases = [
         (1, 0.0, 0.0),
         (2, 0.0, 0.0),

@@ -180,7 +180,8 @@ fn random_estimators_have_their_means() {
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
     // Columns: estimator; flavour; camera; flavour of the mean; a negative control, which is an estimator and a flavour whose picture must be
-    // rejected as the mean. (On horizontal ground, a blend of three projections hardly differs from a single projection.)
+    // rejected as the mean. Most rows use the camera `cliff`, because on horizontal ground a blend of three projections hardly differs from a single
+    // projection.
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),

@@ -94,7 +94,8 @@ pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
     picture.hdr.iter().map(|t| t[3] > 0.0).collect()
 }
 
-/// Largest difference between the albedo layers of two pictures, in units in the last place of f16 (the format of the G-buffer).
+/// Largest difference between the albedo layers of two pictures, in units of 2^-11 of the larger value. Such a unit is half to one unit in the last
+/// place of f16, the format of the G-buffer. Values below 2^-10 count as 2^-10.
 pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
     let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
     let pairs = left.iter().flatten().zip(right.iter().flatten());
@@ -111,8 +112,8 @@ pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     2.0 * student.cdf(-t.abs())
 }
 
-/// Sign (+1 or -1) of one value of a picture in the fixed random pattern with this number. `pixel` is the index of the value among all values of the
-/// picture. In pattern 0, all signs are +1.
+/// Sign (+1 or -1) of one value of a picture. `pattern` selects a fixed random pattern of signs; in pattern 0, all signs are +1. `pixel` is the index
+/// of the value among all values of the picture.
 pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }

@@ -178,7 +178,7 @@ fn cycles(folder: &Path) -> Vec<String> {
     found
 }
 
-/// An import by which a module of the folder uses something else in the folder.
+/// An import, by a module of the folder, of something in the same folder.
 struct Import {
     file: PathBuf,
     line: usize,

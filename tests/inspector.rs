@@ -67,9 +67,9 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. An error of the normal also changes the
-            // derivatives, and the more so, the more obliquely the plane is seen. Here, the cosine between the view direction and the normal is above
-            // 0.3, so the relative error of a derivative is at most about 3 times the error of the normal in radians.
+            // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. An error of the normal also changes
+            // the derivatives, and this change is larger if the plane is seen more obliquely. Here, the cosine between the view direction and the
+            // normal is above 0.3, so the relative error of a derivative is at most about 3 times the error of the normal in radians.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
@@ -195,8 +195,8 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
         let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
-        // The more obliquely a plane is seen, the more an error of its normal changes the derivatives. If the view direction is within 60 degrees of
-        // the normal, obliqueness increases the change by a factor of at most 2.
+        // An error of a plane's normal changes the derivatives more if the plane is seen more obliquely. If the view direction is within 60 degrees
+        // of the normal, obliqueness increases the change by a factor of at most 2.
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }

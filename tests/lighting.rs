@@ -144,7 +144,8 @@ impl Given {
 
 /// Bound of the rounding error of the radiance without the sun's highlight, relative to the radiance. The shader does some 40 operations with an
 /// error of at most 2.5 ULP each (WGSL 14.6), and an exp2 of an argument of at most 9.28, which has an error of 22 ULP. The sum is below 130 ULP. One
-/// ULP is 2^-24, or 6e-8.
+/// ULP is counted as 2^-24 of the value, or 6e-8, its smallest relative size. It can be up to 2^-23, but most operations have an error of only half
+/// an ULP.
 const ROUNDING: f64 = 130.0 * 6e-8;
 
 /// Bound of the relative error of the sun's highlight. The factor of the highlight that depends most strongly on rounding is the normal distribution

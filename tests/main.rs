@@ -1,5 +1,5 @@
-//! The test binary `scree`; the list of modules below shows its contents. `memory.rs` and `mutants.rs` are separate binaries. `noise.rs`,
-//! `properties.rs` and `shared.rs` belong to the binary `references` (`references/main.rs`).
+//! The test binary `scree`; the list of modules below shows its contents. `memory.rs` and `mutants.rs` (with `rust_mutants.rs`) are separate
+//! binaries. `noise.rs`, `properties.rs` and `shared.rs` belong to the binary `references` (`references/main.rs`).
 
 #[cfg(test)]
 mod agreement;

@@ -56,7 +56,7 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
         }
     });
     let layers = Layers::new(gpu(), SIZE);
-    // Positions are only written for streams with a resolve.
+    // Positions are written only for streams with a resolve.
     let track = Track { resolve: Resolve::Exponential, ..Track::default() };
     let mut meter = renderer.meter(SIZE, &[track], None).expect("the passes compile");
     let [right, up, forward] = base.view.pose.axes();
@@ -108,7 +108,7 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
                 if lag == 1 {
                     let position = expected.position.unwrap_or([-1e9; 2]);
                     // Positions in f32 have an error of less than 1e-3 pixels; see `reprojection_agrees` in `agreement.rs`. The tolerance is 1e-3
-                    // pixels, multiplied by the column of the position if the column is above 1.
+                    // pixels, multiplied by the magnitude of the position's column if this magnitude is above 1.
                     let tolerance = 1e-3 * position[0].abs().max(1.0);
                     let is_close = (0..2).all(|k| (f64::from(positions[at][k]) - position[k]).abs() < tolerance);
                     assert!(is_close, "frame {index}, pixel {at}: {:?}, {position:?}", positions[at]);
@@ -123,7 +123,8 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
         before = links;
     }
     println!("{camera}: {linked:?} linked to other pixels, {hidden} were not seen, {uncertain} are uncertain, {outside} are sky");
-    // All cases occur, and few links are uncertain (`Link::is_uncertain`).
+    // Every case occurs: links to other pixels, terrain that was not visible before, and sky (the last two except just above the ground). Few links
+    // are uncertain (`Link::is_uncertain`).
     assert!(linked.iter().all(|&count| count > 1000), "{camera}: {linked:?}");
     assert!(above_m.is_some() || hidden > 500 && outside > 500, "{camera}: {hidden} {outside}");
     assert!(uncertain * 50 < linked.iter().sum::<usize>(), "{uncertain} of {linked:?}");

@@ -3,7 +3,7 @@
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
 //! (Sidak). Each family also has a mutant that it must reject. `noise_stability` tests that the numbers are uniform and independent, `shared` tests
-//! how hashed cells depend on scale and position, `agreement` tests that the shader computes the same bits, and `noise_frame` tests that the renderer
+//! how hashed cells depend on scale and position, `agreement` compares the shader with the reference, and `noise_frame` tests that the renderer
 //! uses the requested kind.
 
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};

@@ -203,7 +203,7 @@ const DRAWS: [&str; 7] =
 const VERDICTS: [Verdict; 5] = [
     // Only statistics with a camera detect this mutant, and only on level ground: on a steep wall it makes little difference.
     (Mutant::DpdxTwice, &[FLIPS, CLUMPING, POWER], &["equal thresholds", "distinct thresholds", "flip_rate, 60 deg"]),
-    // 10 km from the origin, where the flip rate is measured, it does not detect this mutant.
+    // The flip rate is measured 10 km from the origin, where it does not detect this mutant.
     (Mutant::FractSin, &["collisions p", "independent p", "uncorrelated p", "distinct thresholds"], &[FLIPS, "equal thresholds"]),
     (Mutant::NotClamped, &["equal thresholds", "distinct thresholds"], &[FLIPS, CLUMPING, POWER]),
     (

@@ -991,7 +991,8 @@ fn node() -> impl Strategy<Value = NodeId> {
     })
 }
 
-/// The vertices and the covered parts that the patches on one side of a line have on it.
+/// The vertices on a line, and the parts of the line that are covered, for the patches on one of its two sides. A vertex is given by its coordinates
+/// along and across the line, in quads of LOD 0. A part is 16 quads long.
 #[derive(Default)]
 struct Border {
     vertices: BTreeSet<[u64; 2]>,
@@ -1036,9 +1037,8 @@ proptest! {
             let index = 7 * usize::from(node.x) + 13 * usize::from(node.y) + 3 * column as usize + 5 * row as usize;
             strides[index % 64].min(most)
         });
-        // For each line on which sides of patches lie, the vertices that belong to it and the parts of it that are covered: once for the patches south
-        // or west of the line, once for the others. A line is vertical or horizontal, and has one coordinate. All coordinates are in quads of LOD 0; a
-        // part has 16 of them.
+        // For each line that contains sides of patches: the borders of the patches east or north of it, and of the patches west or south of it. The
+        // key is the axis across the line (0 = x, 1 = y), and the line's coordinate on this axis, in quads of LOD 0.
         let mut lines: HashMap<(usize, u64), [Border; 2]> = HashMap::new();
         for (&node, patch) in nodes.iter().flat_map(|node| (0..64u32).map(move |i| (node, [i % 8, i / 8]))) {
             let (stride, deltas) = (1 << levels.log2_stride(node, patch), levels.deltas(node, patch));

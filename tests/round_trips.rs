@@ -382,7 +382,7 @@ fn scenes_are_read_as_they_were_written() {
     assert!(seen.iter().all(|count| count.get() > 50), "{seen:?}");
 }
 
-/// Replaces one letter or digit of a text at a time, in steps of `step`. Returns the changed texts.
+/// Returns copies of a text, each with one letter or digit replaced: a copy for every `step`-th letter or digit.
 fn changed(text: &str, step: usize) -> impl Iterator<Item = String> {
     let places: Vec<usize> = (0..text.len()).filter(|&at| text.as_bytes()[at].is_ascii_alphanumeric()).step_by(step).collect();
     places.into_iter().map(move |at| {
@@ -858,7 +858,7 @@ fn the_state_of_the_workbench_is_read_as_it_was_written() {
         prop_assert_eq!(shape(&again), shape(&settings), "{}", text);
         prop_assert_eq!(once.tree(id).as_ref().and_then(Layout::of), Layout::of(&tree));
         prop_assert_eq!(once.recent(), kept.recent());
-        // Paths are exact. Places are written in degrees, so their angles may be rounded once, and never again.
+        // Paths are exact. Places are written in degrees, so the first round trip may round their angles. The second must not change them.
         let of = |kept: &Kept| kept.places(scene::DEFAULT);
         let poses = |path: &Recorded| (0..).take(path.frames()).map(|frame| bits(&path.pose(frame))).collect::<Vec<_>>();
         let flown = |places: &Places| places.paths().iter().map(|path| (path.name.clone(), poses(path))).collect::<Vec<_>>();

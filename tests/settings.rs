@@ -87,7 +87,7 @@ fn another(kind: Kind, value: &Value) -> Value {
     }
 }
 
-/// Returns a value that a setting of this kind does not accept, but that is close to accepted values.
+/// Returns a value that a setting of this kind does not accept.
 fn wrong(kind: Kind) -> Value {
     match kind {
         Kind::Number(range) => Value::Float(range.most + 1.0),

@@ -74,7 +74,7 @@ fn resolved_value(module: &naga::Module, name: &str) -> Option<f64> {
     }
 }
 
-/// Returns the overrides for which a pipeline key must give a value: those without a default, and those whose default is a number. The defaults of
+/// Returns the overrides for which a pipeline key must give a value: those without a default, and those whose default is a literal. The defaults of
 /// all other overrides are computed from them.
 fn declared(module: &naga::Module) -> Vec<&str> {
     let is_own = |init: Option<naga::Handle<naga::Expression>>| {

@@ -129,10 +129,11 @@ fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
     let count = rows.len() as f64;
     let share = |bias: f64| rows.iter().filter(|sums| is_off(&planted(&sums[..], |_| bias).mean(), |_| 0.0, level)).count() as f64 / count;
     assert!(share(0.01) >= 0.99 && share(-0.01) >= 0.99, "{} and {}", share(0.01), share(-0.01));
-    // A bias of a tenth of one percent is found, too. A bias of a hundredth of one percent is much smaller than a standard error, and is not found.
+    // A bias of a tenth of one percent is found in almost all rows, too. A bias of a hundredth of one percent is much smaller than a standard error,
+    // and is found in hardly any row.
     assert!(share(0.001) >= 0.98 && share(1e-4) < 0.05, "{} and {}", share(0.001), share(1e-4));
-    // If a mean is shifted by the bias that a report calls detectable, it is found with the stated probability. If it is shifted only to the limit of
-    // the test, it is found in half of the rows.
+    // A bias as large as the one that a report calls detectable is found with at least the stated probability (`POWER`). A bias as large as the limit
+    // of the test is found in half of the rows.
     let shifted = |shift: fn(f64, f64) -> f64| {
         let found = |sums: &&Sums| is_off(&planted(&sums[..], |_| 0.0).mean(), |freedom| shift(level, freedom), level);
         rows.iter().filter(found).count() as f64 / count

@@ -299,7 +299,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Damages every file in every way. `other` are the files of another run, which is also finished or also interrupted.
+    /// Damages every file in every way. `other` are the files of another run that is in the same state (finished or interrupted).
     fn try_all(&mut self, files: &Files, other: &Files) {
         for (name, bytes) in files {
             let with = |bytes: Option<Vec<u8>>| {
@@ -478,7 +478,8 @@ fn shards_are_not_mixed_up() {
         mixed.insert(format!("shard-2-of-2/{name}"), files[&format!("shard-1-of-2/{name}")].clone());
         refused(name, &mixed, "shard-2-of-2");
     }
-    // The folder contains shard 1 twice: first the shard, its copy and shard 2, then the shard and its copy under the name of shard 2.
+    // The folder contains shard 1 twice. First case: shard 1, a copy of it, and shard 2. Second case: shard 1, and a copy of it under the name of
+    // shard 2.
     let shard = |from: &str, to: &str| {
         let own = files.iter().filter_map(|(name, bytes)| Some((format!("{to}{}", name.strip_prefix(from)?), bytes.clone())));
         own.collect::<Files>()

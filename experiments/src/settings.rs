@@ -134,10 +134,10 @@ fn assignment(text: &str) -> Result<(&'static str, Value), String> {
     setting.accept(&value).map(|()| (setting.key, value))
 }
 
-/// Checks that a setting of the scene accepts a number.
+/// Returns `number` if the setting `key` of a scene accepts it.
 ///
 /// # Errors
-/// Returns a message if the setting does not accept the number.
+/// Returns a message if there is no such setting, or if it does not accept the number.
 pub(crate) fn scene_number(key: &str, number: f64) -> Result<f64, String> {
     scene::setting(key).ok_or_else(|| unknown(key))?.accept(&Value::Float(number)).map(|()| number)
 }

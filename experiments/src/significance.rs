@@ -289,7 +289,7 @@ mod tests {
         for (freedom, expected) in [(3.0, 12.924), (15.0, 4.073), (f64::INFINITY, 3.291), (1e12, 3.291)] {
             assert!((limit(0.001, freedom) - expected).abs() < 1e-3, "{freedom}: {}", limit(0.001, freedom));
         }
-        // Degrees of freedom need not be a whole number. The limit falls with them, and rises with the number of tests.
+        // The number of degrees of freedom need not be whole. With more degrees of freedom the limit is smaller, with more tests it is larger.
         assert!(limit(0.001, 15.0) < limit(0.001, 14.5) && limit(0.001, 14.5) < limit(0.001, 14.0));
         assert!(limit(sidak(72), 56.0) > 4.76 && limit(sidak(72), 56.0) < 4.77 && limit(sidak(450), 56.0) > 5.27);
         assert_eq!([f64::NAN, 0.0, 0.5, -1.0].map(|freedom| limit(0.001, freedom)), [f64::INFINITY; 4]);

@@ -111,7 +111,7 @@ impl Variant {
         Flavour::ALL.into_iter().filter(move |&f| self.has(f))
     }
 
-    /// The mean colour of the set's flavours.
+    /// The mean of the colours of the set's flavours, sRGB.
     pub fn colour(self) -> [u8; 3] {
         let count = self.0.count_ones();
         let mean = |k: usize| self.flavours().map(|f| u32::from(f.colour()[k])).sum::<u32>() / count;

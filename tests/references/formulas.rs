@@ -191,13 +191,13 @@ fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
     })
 }
 
-/// Returns the finest scale along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per metre. At
-/// the finest scale, a cell is 16 or 32 steps of f32 wide, where the step is that of `largest`.
+/// Returns the finest scale, -4 to 16, along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per
+/// metre. Within the limits, a cell of the finest scale is 16 or 32 steps of f32 wide, where the step is that of `largest`.
 fn finest(largest: f64) -> i32 {
     (FINEST_AT_1_M - largest.abs().log2().round() as i32).clamp(-4, 16)
 }
 
-/// The finest scale if `largest` is 1 m: a cell is 16 steps of 2^-23 m wide, which is 2^-19 m.
+/// The finest scale if `largest` is 1 m, before it is limited: a cell is 16 steps of 2^-23 m wide, which is 2^-19 m.
 const FINEST_AT_1_M: i32 = 19;
 
 /// The level of a cell `width` metres wide is log2 of cells per metre. Returns the whole number below it, which is the coarser of the two blended

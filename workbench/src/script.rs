@@ -175,7 +175,7 @@ impl Stage {
     /// Draws the window until `done` returns true. Meanwhile, the time of the window does not advance. `what` names the expected event in errors.
     ///
     /// # Errors
-    /// The drawing thread fails, or the event does not occur in time (300 s).
+    /// The picture that the controls describe cannot be drawn (see [`Model::failure`]), or the event does not occur in time (300 s).
     pub fn until(&mut self, what: &str, done: impl Fn(&Model) -> bool) -> Result<()> {
         let now = self.harness.ctx.input(|i| i.time);
         self.harness.input_mut().time = Some(now);
@@ -205,7 +205,7 @@ impl Stage {
     /// Waits for the picture that the controls describe.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// The window is too small for a picture. See also [`Stage::until`].
     pub fn settle(&mut self) -> Result<()> {
         // The window requests a picture only when it is drawn. Draw it once, so that a change that was just made is requested.
         self.harness.step();
@@ -259,7 +259,7 @@ impl Stage {
     /// Holds a key down for this many drawings of the window, then waits for the picture.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// See [`Stage::settle`].
     pub fn hold(&mut self, key: Key, drawings: u32) -> Result<()> {
         self.harness.key_down(key);
         for _ in 0..drawings {
@@ -269,10 +269,10 @@ impl Stage {
         self.settle()
     }
 
-    /// Drags the picture by this many points.
+    /// Drags the picture by this many points, to the right and down, and waits for the resulting picture.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// The viewport is not on screen. See also [`Stage::settle`].
     pub fn drag(&mut self, by: [f32; 2]) -> Result<()> {
         self.drag_with(egui::Modifiers::NONE, by)
     }
@@ -280,7 +280,7 @@ impl Stage {
     /// Like [`Stage::drag`], with modifier keys held.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// See [`Stage::drag`].
     pub fn drag_with(&mut self, held: egui::Modifiers, by: [f32; 2]) -> Result<()> {
         let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
         let from = node.rect().center();
@@ -323,7 +323,7 @@ impl Stage {
     /// Drops a file or folder on the window and waits for the resulting picture.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// See [`Stage::settle`].
     pub fn drop_file(&mut self, path: &Path) -> Result<()> {
         self.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
         self.harness.step();
@@ -334,7 +334,7 @@ impl Stage {
     /// Turns the mouse wheel by this many points, with the pointer over the picture. Positive is upwards.
     ///
     /// # Errors
-    /// See [`Stage::until`].
+    /// The viewport is not on screen. See also [`Stage::settle`].
     pub fn scroll(&mut self, points: f32) -> Result<()> {
         let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
         let at = node.rect().center();
@@ -355,7 +355,7 @@ impl Stage {
     /// Carries out a step and waits for the resulting picture.
     ///
     /// # Errors
-    /// Nothing on screen has the name, the scene cannot be opened, or [`Step::Frames`] is given while time is paused. See also [`Stage::until`].
+    /// Nothing on screen has the name, the scene cannot be opened, or [`Step::Frames`] is given while time is paused. See also [`Stage::settle`].
     pub fn take(&mut self, step: &Step) -> Result<()> {
         self.harness.run_steps(PAUSE);
         match step {

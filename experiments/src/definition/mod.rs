@@ -76,8 +76,8 @@ pub struct Definition {
     /// Names of the metrics that are measured; empty = all metrics.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
-    /// The signals that are measured: `albedo`, and `lit` for the lit picture as a screen shows it, with the exposure and the tone curve of the settings
-    /// `frame.exposure` and `frame.tone_curve`.
+    /// The signals that are measured: `albedo`, and `lit` for the lit picture as a screen shows it, with the exposure and the tone curve of the
+    /// settings `frame.exposure` and `frame.tone_curve`.
     #[serde(default = "default_signals")]
     pub signals: Vec<String>,
     /// How the pictures are looked at. The metric `perceived_noise` depends on it.
@@ -174,8 +174,8 @@ pub struct Import {
     /// the samples are metres, or if the file states their unit or scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as in
-    /// `heightmap`. If absent, the materials are procedural.
+    /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as
+    /// in `heightmap`. If absent, the materials are procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
     /// Largest offset of the procedural relief, metres. The relief adds details that are smaller than the sample spacing of the heightmap.
@@ -379,7 +379,8 @@ impl Definition {
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         let with_another = || metrics::companion_of(metric).is_some_and(|other| self.why_not(other).is_ok());
-        // The share of disoccluded pixels is measured with any metric that compares frames, because a report says how many pixels could be followed.
+        // The share of disoccluded pixels is measured with any metric that compares frames, because those metrics leave out disoccluded pixels, and a
+        // report says how many pixels remain.
         let of_frames =
             || metric == metrics::DISOCCLUDED && metrics::METRICS.iter().any(|m| m.needs == Needs::Frames && self.why_not(m.name).is_ok());
         metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || of_frames() || with_another()

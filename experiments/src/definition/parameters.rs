@@ -133,7 +133,7 @@ impl Import {
 
 /// The reason why the scene with changed settings is refused.
 pub(super) struct Refused {
-    /// Whether the cause is an unknown key. Otherwise it is a wrong value.
+    /// Whether the cause is an unknown key. Otherwise the cause is a wrong value, or an error in the unchanged scene.
     pub(super) unknown_key: bool,
     pub(super) what: String,
 }

@@ -435,8 +435,8 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// Checks that the scene is valid with the settings in `set`, and with each value of the varied parameter. Also checks that it then has a virtual
-/// texture if a variant needs one.
+/// Checks that the scene is valid with the settings in `set`, and with each value of the varied parameter. If a variant needs the virtual texture,
+/// also checks that each of these scenes has one.
 fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     let like;
     let text = match &facts.text {

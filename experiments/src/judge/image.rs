@@ -12,7 +12,8 @@ use super::{coded, layers, not_finite};
 impl Image {
     /// Reads a picture. The first bytes of the file determine its format.
     ///
-    /// PNG and JPEG are decoded from sRGB, or with the exponent and primaries that a PNG states (gAMA, cHRM), and turned as their EXIF orientation says.
+    /// PNG and JPEG are decoded from sRGB, or with the exponent and primaries that a PNG states (gAMA, cHRM). They are turned as their EXIF
+    /// orientation says.
     ///
     /// The pixels of OpenEXR are placed in the display window. `layer` is the name of a layer. For example, the layer `albedo` has the
     /// channels `albedo.R`, `albedo.G` and `albedo.B`, or the channels R, G and B of the part `albedo`. If `layer` is `None`, the channels

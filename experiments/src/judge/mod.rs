@@ -1,4 +1,4 @@
-//! Compares a picture with a reference: MSE, MRSE, PSNR, SSIM, FLIP. Also computes spectra of errors, and writes command lines of video metrics.
+//! Compares a picture with a reference: MSE, MRSE, PSNR, SSIM, FLIP. Also computes power spectra, and writes command lines of video metrics.
 //!
 //! Notation: t is the test picture and r the reference, both in linear colour. P is the set of compared pixels, k the channel (red, green, blue), and
 //! s(x) is the sRGB encoding of x after clamping to 0..=1.

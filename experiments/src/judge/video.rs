@@ -1,9 +1,9 @@
 //! Writes the commands that apply video metrics of other authors to the frames of a run.
 //!
-//! The option names are those of gfxdisp/ColorVideoVDP 0.5.7 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`). It reads
-//! the frames that a `%0Nd` pattern gives, from 0 to the frame before the first missing one. IntelLabs/cgvqm (commit 9872ccb) has no command line, so
-//! its function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The
-//! commands therefore convert the frames to videos with the lossless codec FFV1, which preserves the RGB bytes exactly.
+//! The option names are those of gfxdisp/ColorVideoVDP 0.5.7 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`). This tool
+//! reads the frames that a `%0Nd` pattern gives, from 0 to the frame before the first missing one. IntelLabs/cgvqm (commit 9872ccb) has no command
+//! line, so its function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. The function reads videos
+//! through PyAV. The commands therefore convert the frames to videos with the lossless codec FFV1, which preserves the RGB bytes exactly.
 
 /// Returns shell commands that compare the PNG frames `test_pattern` with the frames `reference_pattern`. Users should read the commands before they
 /// run them. Comments in the commands say what must be installed.

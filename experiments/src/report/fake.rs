@@ -169,7 +169,7 @@ impl Rows {
             self.put(&at, "difference", "luminance", added + 0.002, None);
             self.put(&at, "excess_difference", "luminance", added - lost, Some(added * 0.03));
         }
-        // Larger cells change less from frame to frame, so an eye averages less of their noise.
+        // Larger cells change less from frame to frame, so the eye's mean over time removes less of their noise.
         let perceived = noise_variance.sqrt() * resolve.sqrt() * scale / (1.0 + 4.0 * scale);
         put(self, "perceived_noise", "luminance", perceived, Some(perceived * 0.01));
         put(self, "invalid_px", "px", 0.0, None);
@@ -196,7 +196,8 @@ impl Rows {
         }
     }
 
-    /// Adds the device times of a choice. `first` is the shading time of the first choice of the view, by which that of this choice is divided.
+    /// Adds the device times of a choice, and the ratio of its shading time to that of the view's first choice. `shading` and `first` are these two
+    /// shading times, milliseconds.
     pub(super) fn times(&mut self, base: &Row, shading: f64, first: f64) {
         for (pass, ms) in [("geometry", 2.1), ("classification", 0.4), ("shading", shading), ("lighting", 1.2)] {
             self.put(base, &metrics::time_of(pass), "ms", ms, Some(ms * 0.01));

@@ -55,7 +55,7 @@ impl Estimate {
     }
 }
 
-/// Returns the degrees of freedom of the standard error of a sum or difference, from the standard errors of its two terms and their degrees of freedom
+/// Returns the degrees of freedom of the standard error of a sum or difference. `terms`: the standard error of each term, with its degrees of freedom
 /// (Welch 1947, Satterthwaite 1946).
 fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     let variance: f64 = terms.iter().map(|(error, _)| error * error).sum();
@@ -66,8 +66,8 @@ fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
 }
 
-/// Returns the half-width of a 95 % confidence interval. A standard error that comes from few values is itself uncertain, so the interval is wider than
-/// 1.96 standard errors.
+/// Returns the half-width of a 95 % confidence interval. A standard error that comes from few values is itself uncertain, so the half-width is more
+/// than 1.96 standard errors.
 pub(super) fn half_width(standard_error: f64, freedom: f64) -> f64 {
     limit(0.05, freedom) * standard_error
 }
@@ -112,8 +112,8 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// Formats a value with the half-width of its confidence interval, if it is known. The half-width has two significant digits, and the value has the same
-/// decimals.
+/// Formats a value with the half-width of its confidence interval, if the half-width is known. The half-width has two significant digits, and the
+/// value has the same number of decimals.
 pub(super) fn with_interval(value: f64, half: Option<f64>) -> String {
     let Some(half) = half.filter(|half| *half > 0.0 && half.is_finite() && value.is_finite()) else { return number(value) };
     let exponent: i32 = format!("{half:.1e}").rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
@@ -161,8 +161,8 @@ impl Front {
 ///    better.
 ///
 /// The first step makes one decision for each point but the cheapest one. If costs have standard errors, the second step makes the same number of
-/// decisions. The level of each decision follows from the total number, so that chance alone puts any further point on the front with a probability
-/// of at most [`LEVEL`]. Points whose cost or error is not finite are left out.
+/// decisions. The level of each decision follows from the number of all decisions: with a probability of at most [`LEVEL`], chance alone puts a point
+/// on the front that does not belong there. Points whose cost or error is not finite are left out.
 pub(super) fn pareto_front(points: &[Place]) -> Front {
     let finite = |i: &usize| points[*i].cost.value.is_finite() && points[*i].error.value.is_finite();
     let mut order: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -321,13 +321,13 @@ mod tests {
     fn a_point_within_chance_of_the_front_is_named_beside_it() {
         let point =
             |cost: f64, error: f64| Place { cost: Estimate::exact(cost), error: Estimate { value: error, error: 0.01, freedom: 14.0 } };
-        // Chance explains a difference of up to 2.36 standard errors (0.0334) for 4 decisions with 28 degrees of freedom. The second point is cheaper than
-        // the third, and chance explains why its error is larger. The fourth is dearer than the third, and chance explains why its error is smaller. The
-        // last is worse than all others.
+        // Chance explains a difference of up to 2.36 standard errors (0.0334) for 4 decisions with 28 degrees of freedom. The second point is cheaper
+        // than the third, and chance explains why its error is larger. The fourth point is dearer than the third, and chance explains why its error
+        // is smaller. The last point is worse than all others.
         let points = [point(1.0, 1.0), point(2.0, 0.97), point(3.0, 0.94), point(4.0, 0.935), point(5.0, 2.0)];
         let front = pareto_front(&points);
         assert_eq!((front.points.as_slice(), front.alike.as_slice()), (&[0, 2][..], &[vec![], vec![1]][..]));
-        // If the standard errors are a tenth of these, the errors of the second, third and fourth point are each smaller than the error before by
+        // With a tenth of these standard errors, the errors of the second, third and fourth point are each smaller than that of the previous point by
         // more than chance explains.
         let sharp = points.map(|p| Place { error: Estimate { error: 0.001, ..p.error }, ..p });
         assert_eq!(pareto_front(&sharp).points, [0, 1, 2, 3]);

@@ -179,7 +179,8 @@ fn faults() -> Vec<Fault> {
         };
         add("invalid", &format!("an invalid pixel of the reference, {signal}"), [0.0, 1.0], Fails, Box::new(of_reference));
     }
-    // At least half of the pixels must be followed. If not, nothing is wrong, but little can be told.
+    // At least half of the terrain pixels must have a link to the previous frame. With fewer links, the check is unclear: the metrics are right, but
+    // they describe only a small part of the picture.
     let hidden = |run: &mut RunData, share: f64| {
         let rows = run.rows.iter_mut().filter(|row| row.metric == "disoccluded" && row.variant == "splat");
         rows.for_each(|row| row.value = share);

@@ -317,7 +317,7 @@ pub(super) struct ReferenceFacts {
     /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
     /// passes through the same resolve.
     pub(super) differences: BTreeMap<String, f64>,
-    /// Number of terrain pixels of a reference sequence whose colour is not finite; NaN = it was not counted.
+    /// Number of pixels without a finite colour in the reference sequence, summed over the measured frames; NaN = they were not counted.
     pub(super) invalid: f64,
 }
 
@@ -379,7 +379,7 @@ impl Shading {
 pub(super) struct Table {
     pub(super) summaries: Vec<Summary>,
     pub(super) references: Vec<ReferenceFacts>,
-    /// The values that occur in the column `view`. The next five fields have those of other columns.
+    /// The values that occur in the column `view`. Each of the next five fields has the values of another column.
     pub(super) views: Vec<String>,
     pub(super) variants: Vec<String>,
     pub(super) estimators: Vec<String>,
@@ -400,7 +400,8 @@ pub(super) struct Table {
     pub(super) shown: Signal,
     /// Number of frames that are shown per second. The metric `perceived_noise` depends on it.
     pub(super) frames_per_second: f64,
-    /// Whether the sequence is long enough for the metric `perceived_noise` ([`metrics::Sequence::is_memory_filled`]). If not, no ranking and no sentence uses it.
+    /// Whether the sequence is long enough for the metric `perceived_noise` ([`metrics::Sequence::is_memory_filled`]). If not, no ranking and no
+    /// sentence uses this metric.
     pub(super) is_memory_filled: bool,
     /// The metric that is used as the cost of a choice.
     pub(super) cost: Metric,
@@ -408,7 +409,7 @@ pub(super) struct Table {
     pub(super) error: Metric,
 }
 
-/// The rows of one metric, lag and frequency, accumulated for their mean.
+/// The rows of one metric, signal, lag and frequency, accumulated for their mean.
 #[derive(Default)]
 struct Slot {
     whole: Option<Number>,
@@ -667,8 +668,8 @@ impl Table {
         (own.ratio > 0.0 && shading.ratio > 0.0 && shading.ratio.is_finite()).then_some(shading)
     }
 
-    /// Returns the Pareto front among `rows` ([`pareto_front`]), as indices of summaries. A cost of 0 is treated as not measured, and so is a shading time
-    /// that is not stable.
+    /// Returns the Pareto front among `rows` ([`pareto_front`]), as indices of summaries. A cost of 0 is treated as not measured, and so is a shading
+    /// time that is not stable.
     pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Front {
         let place = |&i: &usize| {
             let summary = &self.summaries[i];

@@ -2,7 +2,7 @@
 //! of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
 //! A composition of flavours is a weighted sum of their pictures, with weights that do not depend on the seed. The results for compositions therefore
-//! follow from tests of their flavours. Testing the compositions, too, would only raise the limit for all tests.
+//! follow from tests of their flavours. Testing the compositions, too, would add tests to the family and thereby only make each test less sensitive.
 
 use kernels::frame::VariantChoice;
 use kernels::shading::Estimator;
@@ -64,8 +64,9 @@ fn drawing(summary: &Summary) -> Vec<Flavour> {
     }
 }
 
-/// Whether a choice that may draw random numbers does so. Forced flavours cover all pixels, so choices with forced flavours do. In an automatic
-/// choice, it is possible that no pixel has a random flavour. A choice whose value of `metric` is NaN counts as random, so that a check reports it.
+/// Whether a choice that may draw random numbers does so. A choice with forced flavours does, because forced flavours cover all pixels. In an
+/// automatic choice, it is possible that no pixel has a random flavour. A choice whose value of `metric` is NaN counts as random, so that a check
+/// reports it.
 fn is_random(summary: &Summary, metric: Metric) -> bool {
     let forced = matches!(variant_choice(&summary.key.variant), Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)));
     forced || summary.is_stochastic() || summary.value(metric).is_nan()
@@ -85,7 +86,8 @@ pub(super) fn biases(table: &Table) -> (Vec<Measured>, usize) {
     (members.iter().map(measured).collect(), follow)
 }
 
-/// Returns the mean squared differences from the exact blend, which should be the predicted variances, and the number of choices that follow from them.
+/// Returns the mean squared differences from the exact blend, each of which should equal the predicted variance. Also returns the number of choices
+/// whose results follow from them.
 pub(super) fn variances(table: &Table) -> (Vec<Measured>, usize) {
     let Tested { members, follow } = Tested::of(table, EXACT_MSE);
     let measured = |summary: &&Summary| Measured {

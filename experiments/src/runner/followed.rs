@@ -142,7 +142,8 @@ impl Followed {
         Ok(())
     }
 
-    /// Adds the perceived noise of a frame. `remembered`: the remembered errors of the stream after this frame, as `Meter::memory` returns them.
+    /// Adds the perceived noise of a frame. `remembered`: for each pixel, the mean over time of the stream's error, and its number of frames, as
+    /// `Meter::memory` returns them after this frame.
     pub(super) fn see(
         &mut self,
         labels: &Labels<'_>,

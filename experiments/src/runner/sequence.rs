@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use zstd::stream::{read::Decoder, write::Encoder};
 
-/// Level of compression: the fastest. Higher levels save a few percent only, because colours are noisy.
+/// Level of compression: the fastest of the standard levels 1 to 22. Higher levels save a few percent only, because colours are noisy.
 const LEVEL: i32 = 1;
 
 /// A section of the file that is being written.

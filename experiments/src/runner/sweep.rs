@@ -222,7 +222,7 @@ impl Runner<'_> {
             if signals.last() == Some(&signal) && is_pictured(labels, how, *choice) {
                 let title = format!("{name}, {}", labels.noise);
                 let caption = format!("RMSE {:.4}, FLIP {:.4}; {}", errors.mse.sqrt(), errors.flip.mean, signal.name());
-                // Where the picture shows no terrain, it shows the sky of the reference.
+                // The stored picture shows the sky of the reference where the variant's picture shows no terrain.
                 let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
                 let seen = pictures::displayed(&pictures[stream], signal).into_iter().zip(pictures::display(truth)).zip(&pictures[stream]);
                 let codes: Vec<[u8; 3]> = seen.map(|((own, sky), s)| if signal::is_terrain(*s) { own } else { sky }).collect();
@@ -239,8 +239,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. Stores a map of
-    /// the tiles.
+    /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. With the first noise, also
+    /// stores a map of the tiles, if variants are chosen for each tile.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn costs(
         &mut self,
@@ -398,9 +398,9 @@ impl Runner<'_> {
                     labels.put(rows, name, metrics::BIAS_SQUARED_P, mark, probability, None)?;
                 }
             }
-            // The variance has no standard error. Different seeds may change the thresholds of all pixels by the same amount. If these amounts are
-            // similar by chance, the variance is too small at every pixel, and neither pixels nor areas show this error. The mean squared error has a
-            // standard error, because each picture alone gives an estimate of it.
+            // The variance has no standard error. In some noises, a seed shifts the thresholds of all pixels by one amount. If the amounts of the
+            // seeds are similar by chance, the variance is too small at every pixel, and the scatter over pixels or areas does not show this error.
+            // The mean squared error has a standard error, because each picture alone gives an estimate of it.
             labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
             labels.put_mean(rows, name, Signal::Albedo, metrics::EXACT_MSE, mark, squared_errors[i].mean())?;
             if clumping[i].count > 0 {

@@ -25,8 +25,8 @@ pub(super) fn pose(definition: &Definition, renderer: &Renderer<'_>, name: &str,
     Ok(camera::along(path, frame, ground))
 }
 
-/// Returns the pose after `frame` steps of a moving view. `ground` returns the elevation at a place, in metres. If it is given, the camera keeps its
-/// height above the ground.
+/// Returns the pose after `frame` steps of a moving view. `ground` returns the elevation at a place, in metres. If `ground` is given, the camera
+/// keeps its height above the ground.
 fn moved(start: Pose, view: &MovingView, frame: u32, ground: Option<&dyn Fn(f64, f64) -> f64>) -> Pose {
     let way = view.step * f64::from(frame);
     let level = |direction: DVec3| direction.with_z(0.0).normalize_or_zero();

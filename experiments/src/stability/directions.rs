@@ -74,10 +74,10 @@ impl Rounding {
     }
 
     /// Returns the upper bound of the error, radians. With h = `octahedral::half(bits)`, codes have a distance of 1 / h along each coordinate. On a
-    /// face of the octahedron, the diagonal of a square of four codes is sqrt(6) / h long. With fast rounding, a point is at most half this diagonal
-    /// away from its code. With exact rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two equilateral triangles in
-    /// the square. At the middle of a face, the distance to the centre of the octahedron is 1 / sqrt(3), so an angle is the distance on the face
-    /// times sqrt(3) (docs/stability-lab.md, section 1).
+    /// face of the octahedron, a square of four codes is a rhombus, whose longer diagonal is sqrt(6) / h long. With fast rounding, a point is at most
+    /// half this diagonal away from its code. With exact rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two
+    /// equilateral triangles in the rhombus. At the middle of a face, the distance to the centre of the octahedron is 1 / sqrt(3), so a small angle
+    /// is the distance on the face times sqrt(3) (docs/stability-lab.md, section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -102,7 +102,7 @@ fn attained(rounding: Rounding, bits: u32) -> f64 {
     let h = f64::from(octahedral::half(bits));
     let middle = (h / 3.0).floor() as i32;
     let offsets = match rounding {
-        // The points lie slightly inside the square, so that the code at the centre of the square is the nearest one.
+        // The points lie slightly inside the square, so that rounding gives the code at the centre of the square.
         Rounding::Fast => vec![[0.499_999, 0.499_999], [0.499_999, -0.499_999], [-0.499_999, -0.499_999], [-0.499_999, 0.499_999]],
         Rounding::Exact => vec![[1.0 / 3.0, 1.0 / 3.0], [2.0 / 3.0, 2.0 / 3.0]],
     };
@@ -177,10 +177,10 @@ struct Pixel {
     incidence_deg: f64,
 }
 
-/// Returns a pixel of a random camera. The field of view is 20 to 100 degrees, and position and direction are random. The angle between ray and
-/// normal is uniform within the given range. The angle between the normal of the plane and the shading normal is a quarter of a degree to 8 degrees,
-/// and its logarithm is uniform. Angles in rendered frames have a similar distribution, but in 4 of 100 pixels, the angle between the two normals
-/// exceeds 8 degrees (docs/stability-lab.md, section 3).
+/// Returns a pixel of a random camera. The field of view is 20 to 100 degrees, and position and direction are random. The angle between the reversed
+/// ray and the normal of the plane is uniform within the given range, degrees. The angle between the normal of the plane and the shading normal is a
+/// quarter of a degree to 8 degrees, and its logarithm is uniform. In rendered frames, the angle between the two normals has a similar median and
+/// 90th percentile, but its 99th percentile is 4 to 39 degrees (docs/stability-lab.md, section 3).
 fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let mut draw = Draw { row: index, column: 0, table: 77 };
     let size = [1920, 1080];
@@ -210,9 +210,9 @@ struct Error {
     relative: [f64; 2],
     /// Error of the mip level that is computed from the longer derivative, levels.
     mip: f64,
-    /// The larger of the two relative errors, divided by its upper bound. The bound of a derivative d with the stored value d' is |d' - d| / |d| <=
-    /// sin(e) / |cos'|. Here e is the angle between the true and the stored plane, and cos' is the cosine of the angle between the stored normal and
-    /// the ray of the neighbouring pixel. `None` if a cosine was clamped, because the bound does not apply then.
+    /// The larger of the two ratios of a relative error to its upper bound. The bound for a derivative d, whose value from the stored plane is d', is
+    /// |d' - d| / |d| <= sin(e) / |cos'|. Here e is the angle between the true and the stored plane, and cos' is the cosine of the angle between the
+    /// stored normal and the ray of the neighbouring pixel. `None` if a cosine was clamped, because the bound does not apply then.
     of_law: Option<f64>,
 }
 

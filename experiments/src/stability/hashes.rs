@@ -82,11 +82,12 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures two properties of each hash. *Balance*, over the cells of a lattice: how far the share of hashes in which an output bit is 1 is from one
-/// half. *Avalanche* of an input bit, over random inputs: how far the probability that an output bit changes with the input bit is from one half; the
-/// largest value over the output bits that affect a threshold counts. For some input bits, this probability should be one half for every output bit.
-/// The limits of the avalanche of these input bits follow from one family of tests with a level of 0.1 %. The limits of the other input bits are
-/// constants of this module.
+/// Measures two properties of each hash. *Balance* of an output bit, over consecutive numbers or the cells of a lattice: the p-value of the number of
+/// hashes in which the bit is 1 (H0: the expected share is one half). *Avalanche* of an input bit, over random inputs: an output bit changes with the
+/// input bit with a probability that deviates from one half; the value is the largest deviation over the output bits that affect a threshold. For
+/// some input bits, every such output bit should have a probability of one half. The limits of the avalanche of these input bits follow from one
+/// family of tests with a level of 0.1 %. The limits of the other input bits are constants of this module; for [`hash::pcg4d`], they apply to the
+/// highest byte.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {

@@ -16,12 +16,14 @@ use serde::{Deserialize, Serialize};
 /// A measured number and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was measured: the name of a kind of noise, of a hash, or of an encoding.
+    /// What was measured: the name of a kind of noise, of a hash, or of an encoding; `derivatives` for the effect of clamped cosines.
     pub kind: String,
-    /// The conditions of the measurement: a view, a distance from the origin, a footprint and slope, a number of bits, or the index of a word.
+    /// The conditions of the measurement: a ground, a distance from the origin, an elevation, `screen` or `seeds` for samples over pixels or seeds, a
+    /// footprint and slope, an angle or a range of angles, a number of bits, or the index of a word.
     pub view: String,
-    /// What is varied or compared under these conditions: a motion of the camera, an input of the noise that changes (a coordinate, the scale, the
-    /// seed or the salt), the index of a threshold, a tested probability, the index of a bit, a rounding or an encoding. Empty if nothing is varied.
+    /// What is varied or compared under these conditions, such as a motion of the camera, an input of the noise that changes (a coordinate, the
+    /// scale, the seed or the salt), the index of a threshold, a tested probability, the index of a bit, a rounding or an encoding. Empty if nothing
+    /// is varied.
     pub motion: String,
     /// Name of the statistic. A name that ends with ` p` belongs to a p-value. All p-values of a family are tested at the level that
     /// [`statistics::sidak`] returns for their number.

@@ -175,7 +175,7 @@ fn picture(seen: &Seen, noise: Noise<'_>) -> Vec<[u32; 2]> {
 /// The measured properties of a sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Share of the followed points whose choice differs from their choice in the previous frame.
+    /// Share of the points visible in two successive frames whose choices in these frames differ.
     pub flip_rate: f64,
     /// Clumping of the error, measured in blocks of 5 x 5 pixels. White noise has a clumping of 1.
     pub clumping: f64,

@@ -22,7 +22,8 @@ use super::{Row, hashes, hold_as_family};
 pub const SAMPLES: u32 = 1_000_000;
 /// Side of a sector, metres.
 pub const SECTOR_M: f64 = 64.0;
-/// A distance from the origin as text, and the index of a sector at this distance.
+/// A distance from the origin along x and y, as text, and the index of a sector at this distance. For noise of the screen, the text is `screen` and
+/// the index has no effect.
 pub type Origin = (&'static str, i32);
 /// The distances from the origin at which kinds bound to the ground are tested.
 pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_625)];
@@ -113,7 +114,8 @@ fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -
 /// exactly these cells. The pixel has the column and row of the cell, and the frame follows from the layer of the cell.
 fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
     let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
-    // Along each axis, the place is a twentieth of a cell above a multiple of the cell, so that rounding does not move it into a neighbouring cell.
+    // Along each axis, the place is a twentieth of a cell above a multiple of the cell's size, so that rounding does not move it into a neighbouring
+    // cell.
     let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
     let point = HashedPoint {
         sector: [sector, -sector],
@@ -153,7 +155,7 @@ fn sample(noise: Noise<'_>, asks: impl Fn(u32) -> Ask + Sync) -> Vec<[f64; 4]> {
 }
 
 /// Tests samples that must be independent random numbers. The four thresholds must be uniform and independent of each other, and for each alpha, the
-/// share of thresholds below alpha must be alpha.
+/// share of samples whose first threshold is below alpha must be alpha.
 fn of_samples(kind: NoiseKind, view: &str, samples: &[[f64; 4]]) -> Vec<Row> {
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
     let uniform = (0..4_usize).into_par_iter().flat_map_iter(|k| {

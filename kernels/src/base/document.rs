@@ -345,7 +345,8 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
 }
 
 /// Finds the value that caused the reader's error: the value at `span` or, if the span covers a whole table, the value that the message quotes.
-/// Returns the key of this value, and the position of the key; `None` if the message does not report an invalid value, or quotes nothing.
+/// Returns the key of this value, and the position of the key; `None` if the message does not report an invalid value, quotes nothing, or quotes
+/// a value that the text does not contain.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;

@@ -57,7 +57,7 @@ pub enum Error {
 }
 
 /// Returns the text on one line: each run of white space and control characters, such as line breaks and the escape character, becomes one space.
-/// Such a run is removed at the start and at the end. Texts from files pass through this function before they become part of an error.
+/// Runs at the start and at the end are removed. Texts from files pass through this function before they become part of an error.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }

@@ -142,7 +142,7 @@ impl WholeFolder {
     /// Gives the folder its final name. An empty folder of that name is replaced.
     ///
     /// # Errors
-    /// A folder of that name exists and is not empty, or the temporary folder cannot be renamed. The temporary folder is then removed.
+    /// The final path is a file or a folder that is not empty, or the temporary folder cannot be renamed. The temporary folder is then removed.
     pub fn finish(self) -> Result<()> {
         // Some systems cannot rename a folder to the name of an existing empty folder, so an existing folder is removed first.
         if self.place.exists() {

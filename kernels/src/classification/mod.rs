@@ -77,7 +77,7 @@ impl Lists {
     /// Returns the number of tiles in each list. The commands of the pass must have been submitted before.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read_counts(&self, gpu: &Gpu) -> Result<[u32; LISTS as usize]> {
         let words: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, u64::from(LISTS) * ARGUMENT_BYTES)?);
         Ok(std::array::from_fn(|i| words[i][1]))
@@ -86,7 +86,7 @@ impl Lists {
     /// Returns the packed tiles of every list, in the order in which they were appended (no result may depend on this order).
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<Vec<u32>>> {
         let counts = self.read_counts(gpu)?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.tiles, u64::from(self.count * LISTS) * 4)?);
@@ -189,7 +189,7 @@ impl Classification {
     /// Number of tiles in each tile list of the last submitted frame.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read_counts(&mut self, gpu: &Gpu, lists: &Lists) -> Result<[u32; LISTS as usize]> {
         self.counts = lists.read_counts(gpu)?;
         Ok(self.counts)

@@ -1,9 +1,9 @@
 //! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops patches that cannot be visible, and packs LOD deltas for stitching.
 //!
 //! A patch is dropped if the box around its vertices is outside the frustum, or if all its triangles face away from the camera. The remaining patches
-//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. Culling is made to change no pixel, which is tested
-//! with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much smaller than a pixel can face the camera after
-//! the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is seen.
+//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. Culling should change no pixel; tests check this
+//! with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much smaller than a pixel can face the camera
+//! after the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is seen, so the order of drawing counts.
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
 //! Reads the drawn nodes and their levels. Writes the patch list. Runs on the CPU.
 

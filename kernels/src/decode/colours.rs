@@ -50,6 +50,9 @@ impl Colours {
 
     /// Reads the statements of a PNG file about its colours. Their precedence follows PNG (third edition), "Color chunk precedence": code
     /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
+    ///
+    /// # Errors
+    /// The header or the metadata cannot be read or are damaged, or the metadata or a row of pixels exceed 64 MiB.
     pub fn of_png(input: impl BufRead + Seek) -> Result<Colours, png::DecodingError> {
         let decoder = png::Decoder::new_with_limits(input, png::Limits { bytes: MAX_INFO_BYTES });
         let reader = decoder.read_info()?;

@@ -54,7 +54,7 @@ impl<'f, 'a> Frame<'f, 'a> {
     /// Reads back the requested picture and layers.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read(self) -> Result<Picture> {
         Picture::read(self)
     }

@@ -93,7 +93,7 @@ impl Picture {
     /// Reads a frame back. All textures are read together.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub(super) fn read(frame: Frame<'_, '_>) -> Result<Picture> {
         let (gpu, targets, request) = (frame.renderer().gpu(), frame.targets(), frame.request());
         let wanted = request.outputs.aovs;

@@ -52,8 +52,8 @@ pub struct GeometryRequest {
     /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split, unless the upper bound of
     /// [`SPLIT_RATIO`](crate::quadtree::SPLIT_RATIO) limits this distance.
     pub lod_bias: f64,
-    /// Vertex decimation: at most every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
-    /// ground keep their resolution.
+    /// Vertex decimation: at most every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures
+    /// of the ground keep their resolution.
     pub vertex_stride: u32,
     /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch; 0 = every patch has the stride
     /// `vertex_stride`. See [`Levels::of`](crate::culling::Levels::of).

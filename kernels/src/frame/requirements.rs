@@ -6,7 +6,7 @@
 //! Limits: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. The page
 //! texture then has one unused layer, because a binding of the shading pass cannot be empty. The page table (224 KiB) is still allocated. Forcing a
 //! variant that contains `vt` is an error. In a scene without colour modulation, the atlas of colour modulation has one layer. Detail textures and
-//! the splat map always exist, even if no flavour samples them, because errors are measured against the full blend.
+//! the splat map always exist, even if no flavour samples them, because errors are measured against full splat, which samples them.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ pub struct FlavourUse {
     pub name: &'static str,
     /// Whether a pixel of the scene may need this flavour.
     pub required: bool,
-    /// Fetches per pixel of this flavour.
+    /// Fetches per pixel that this flavour should take with the estimator `fc5`.
     pub fetches_per_px: u32,
     /// Why the flavour is required or not.
     pub reason: String,

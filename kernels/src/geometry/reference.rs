@@ -5,17 +5,17 @@ use glam::{DVec2, DVec3};
 
 use crate::world::{NodeId, World};
 
-/// Moves a vertex along a side of its patch. `index`: index of the vertex along the side, 0..=128. The mesh at the side is `delta` levels coarser than
-/// the vertices of the node. Returns the nearest index at which it has a vertex; the lower index if two are equally near.
+/// Moves a vertex along a side of its patch. `index`: index of the vertex along the side, 0..=128. The mesh at the side is `delta` levels coarser
+/// than the vertices of the node. Returns the nearest index at which the mesh has a vertex; the lower index if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;
     if index - below <= step / 2 { below } else { below + step }
 }
 
-/// Moves a vertex on a side of a patch to the nearest vertex of the mesh beyond that side, which may be coarser. Other vertices stay. `index`: index of
-/// the vertex in its node. `first`: index of the south-west corner of the patch, which has `quads` quads along a side. `deltas`: by how many levels the
-/// mesh at each side is coarser than the vertices of the node (north << 12 | east << 8 | south << 4 | west).
+/// Moves a vertex on a side of a patch to the nearest vertex that all patches at this side have. Other vertices stay. `index`: index of the vertex in
+/// its node. `first`: index of the south-west corner of the patch, which has `quads` quads along a side. `deltas`: by how many levels the mesh at
+/// each side is coarser than the vertices of the node, 4 bits per side (north << 12 | east << 8 | south << 4 | west).
 pub fn stitch(index: [u32; 2], first: [u32; 2], quads: u32, deltas: u32) -> [u32; 2] {
     let [x, y] = index;
     let [east, north] = first.map(|at| at + quads);

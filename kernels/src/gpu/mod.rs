@@ -249,7 +249,7 @@ impl Gpu {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
     }
 
-    /// A buffer holding `contents`.
+    /// A buffer with `contents`. Its size is rounded up to a multiple of 16 bytes, at least 16; the rest is zeros. `COPY_DST` is added to `usage`.
     pub fn buffer_with(&self, label: &str, usage: wgpu::BufferUsages, contents: &[u8]) -> wgpu::Buffer {
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),

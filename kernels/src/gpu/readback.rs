@@ -8,16 +8,16 @@ use crate::gpu::Gpu;
 /// Reads the first `size` bytes, rounded up to a multiple of 4, of a buffer with usage `COPY_SRC`. Waits for the device.
 ///
 /// # Errors
-/// When the device is lost.
+/// When the device is lost or reported an error.
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
     read_ranges(gpu, &[(buffer, 0..size.next_multiple_of(4))])
 }
 
-/// Reads ranges of buffers with usage `COPY_SRC`, and returns their bytes one after another. The bounds of a range are bytes and multiples of 4. Waits
-/// for the device once, because each wait costs time.
+/// Reads ranges of buffers with usage `COPY_SRC`, and returns their bytes one after another. The bounds of a range are bytes and multiples of 4.
+/// Waits for the device once, because each wait costs time.
 ///
 /// # Errors
-/// When the device is lost.
+/// When the device is lost or reported an error.
 pub fn read_ranges(gpu: &Gpu, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<u8>> {
     let bytes: u64 = ranges.iter().map(|(_, range)| range.end - range.start).sum();
     if bytes == 0 {
@@ -39,7 +39,7 @@ pub fn read_ranges(gpu: &Gpu, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<
 /// the device.
 ///
 /// # Errors
-/// When the device is lost.
+/// When the device is lost or reported an error.
 pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, aspect: wgpu::TextureAspect, bytes_per_texel: u32) -> Result<Vec<u8>> {
     let mut reading = TextureReading::default();
     reading.add(texture, aspect, bytes_per_texel);
@@ -62,7 +62,7 @@ impl<'t> TextureReading<'t> {
     /// Reads all added textures. Returns the texels of each texture, in tightly packed rows. Waits for the device once.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn run(self, gpu: &Gpu) -> Result<Vec<Vec<u8>>> {
         let mut encoder = gpu.encoder("read-back");
         let padded = |width: u32, bytes: u32| (width * bytes).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);

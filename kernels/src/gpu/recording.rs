@@ -86,7 +86,7 @@ impl<'a> Recording<'a> {
     /// Submits the commands recorded so far, and waits for the device. Recording continues with an empty encoder.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn submit(&mut self) -> Result<()> {
         let recorded = std::mem::replace(&mut self.encoder, self.gpu.encoder("frame"));
         self.gpu.submit_and_wait(recorded)
@@ -95,7 +95,7 @@ impl<'a> Recording<'a> {
     /// Submits the rest of the frame, and waits for the device. Returns the times of all passes.
     ///
     /// # Errors
-    /// When the device is lost, or there were more passes than a timer holds.
+    /// When the device is lost or reported an error, or when there were more passes than a timer holds.
     pub fn finish(mut self) -> Result<Vec<PassTime>> {
         self.timer.resolve(&mut self.encoder);
         self.gpu.submit_and_wait(self.encoder)?;

@@ -7,8 +7,7 @@ use serde::Serialize;
 pub struct PassUse {
     /// The pass's name, as in timings.
     pub name: &'static str,
-    /// Number of pipelines among which the pass chooses. The shading pass has one for each variant that tiles may need, and one for the generic
-    /// kernel.
+    /// Number of pipelines of the pass. The shading pass has one for each variant that tiles may need, and one for the generic kernel.
     pub pipelines: u32,
     /// Whether the scene requires the pass.
     pub required: bool,

@@ -31,7 +31,7 @@ pub struct Inspected {
     pub ddy: [f32; 3],
     /// Axis (x, y, z: 0, 1, 2) of the projection with the largest weight.
     pub plane: u32,
-    /// Palette indices of the four splat texels, in the order 00, 10, 01, 11.
+    /// Palette indices of the four splat texels: south-west, south-east, north-west, north-east.
     pub splat: [u32; 4],
     /// Bilinear weights of the four splat texels.
     pub bilinear: [f32; 4],
@@ -91,10 +91,10 @@ impl Stage for Inspect {
 }
 
 impl Inspect {
-    /// Runs the pass and reads its results back, row by row from the top.
+    /// Runs the pass and reads its results back, row by row from the top. `groups`: the uniforms of the frame, and the terrain.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
         let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;

@@ -2,8 +2,8 @@
 //!
 //! A recipe makes height, albedo, smoothness and colour mask on a torus, so every map tiles. The other two maps are computed from the height:
 //! the normal from the gradient of the height, and the specular occlusion from the depth of hollows. Sources: gradient noise, Perlin,
-//! *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is
-//! computed from the second nearest point); hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
+//! *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (F2 - F1, the difference of the
+//! distances to the two nearest points, is 0 on cell borders); hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
 //! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every resolution. Octaves of noise that are too
 //! fine for the resolution are left out.
@@ -984,7 +984,7 @@ fn leaf(
     .stamp(root)
 }
 
-/// Dry soil: clods, drying cracks, a few stones and straws.
+/// Dry soil: clods, crumbs and a few stones.
 fn dirt(bench: &Bench) -> Sketch {
     let [wx, wy] = warp(bench, 8, 1);
     let swell = bench.fbm(4, 4, 3);

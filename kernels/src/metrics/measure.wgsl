@@ -222,8 +222,8 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the rows. They have a loop of their own. With a branch
-    // in the loop above, a processor that runs its lanes in lockstep would execute this code for all pixels.
+    // Box test, histograms and lags 2 to 4 are expensive, so they include only a quarter of the rows. They have a separate loop, because a processor
+    // that runs its lanes in lockstep would execute a branch in the loop above for all pixels.
     for (var first = origin.y; first < end.y; first += 4u) {
         let y = motion_row_of_quarter(first, measure.quarter);
         if y >= end.y {

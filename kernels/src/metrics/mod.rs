@@ -473,7 +473,7 @@ impl Meter {
     /// before.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read(&mut self, gpu: &Gpu) -> Result<Vec<FrameSums>> {
         let buffers = self.streams.iter().flat_map(|stream| [&stream.parts, &stream.histogram]);
         let bytes = read_ranges(gpu, &buffers.map(|buffer| (buffer, 0..buffer.size())).collect::<Vec<_>>())?;
@@ -510,7 +510,7 @@ impl Meter {
     /// called for frames whose reference picture was written.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn reference(&self, gpu: &Gpu, signal: Signal, back: u32) -> Result<Vec<[u32; 2]>> {
         let pixels = self.size[0] * self.size[1];
         let slot = Slots::of(self.index + SLOTS - 1 - back, pixels).now;
@@ -522,7 +522,7 @@ impl Meter {
     /// frames = the pixel has no terrain in the stream or in the reference. Empty if the meter has no [`Viewing`], so that it measures no errors.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn memory(&self, gpu: &Gpu, stream: usize) -> Result<Vec<[f32; 2]>> {
         let pixels = self.size[0] * self.size[1];
         if self.streams[stream].memory.size() < u64::from(pixels) * 2 * 8 {
@@ -538,7 +538,7 @@ impl Meter {
     /// precedes the last measured frame.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn picture(&self, gpu: &Gpu, stream: usize, back: u32) -> Result<Vec<[u32; 2]>> {
         let pixels = self.size[0] * self.size[1];
         let slot = Slots::of(self.index + SLOTS - 1 - back, pixels).now;
@@ -569,7 +569,7 @@ impl Meter {
 /// Reads `pixels` pixels, two words each (`shared::signal`), from a buffer, starting at pixel `offset`.
 ///
 /// # Errors
-/// When the device is lost.
+/// When the device is lost or reported an error.
 pub fn read_signal(gpu: &Gpu, buffer: &wgpu::Buffer, offset: u32, pixels: u32) -> Result<Vec<[u32; 2]>> {
     let [first, end] = [offset, offset + pixels].map(|pixel| u64::from(pixel) * 8);
     Ok(bytemuck::pod_collect_to_vec(&read_ranges(gpu, &[(buffer, first..end)])?))

@@ -5,9 +5,9 @@
 //! [`Viewing::adaptation`] (larger in the first frames of a surface point, see `measure_remember`). In space, the eye is modelled by the difference
 //! of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
 //!
-//! Closed forms, tested: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself. The root
-//! mean square of errors that are independent from frame to frame is reduced in time by the factor sqrt(a / (2 - a)). The root mean square of errors
-//! that are independent from pixel to pixel is reduced by the norm of the spatial filter ([`norm`]).
+//! Tests check these closed forms: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself.
+//! The temporal mean multiplies the root mean square of errors that are independent from frame to frame by sqrt(a / (2 - a)). The spatial filter
+//! multiplies the root mean square of errors that are independent from pixel to pixel by its [`norm`].
 //! Source: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*); Korac et al.
 //! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) filter an error jointly over space and time, too.
 

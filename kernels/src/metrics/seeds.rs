@@ -188,7 +188,7 @@ impl Seeds {
     /// Reads the sums of the seed that was added last, one per stream.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read(&self, gpu: &Gpu, streams: &[SeedStream]) -> Result<Vec<SeedSums>> {
         let quads = |buffer: &wgpu::Buffer| -> Result<Vec<[f32; 4]>> {
             Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, buffer, buffer.size())?))
@@ -223,7 +223,7 @@ impl Seeds {
     /// Reads the sums over all seeds, one per stream. Must be called after [`Seeds::encode_finish`].
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read_finished(&self, gpu: &Gpu, streams: &[SeedStream]) -> Result<Vec<VarianceSums>> {
         streams
             .iter()

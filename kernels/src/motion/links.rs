@@ -34,7 +34,7 @@ impl Links {
     /// [`NO_LINK`](super::NO_LINK) = the point was not visible in the earlier picture. Waits for the device.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn find(&mut self, gpu: &Gpu, frame: &wgpu::BindGroup, geometry: &geometry::Targets, now: View) -> Result<Vec<u32>> {
         let pixels = self.size[0] * self.size[1];
         let groups = [frame];

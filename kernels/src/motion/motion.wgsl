@@ -64,8 +64,8 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
 }
 
 // An invocation handles four rows of one column, so neighbouring invocations read neighbouring pixels. At lag 1, it links all four pixels. At lags 2
-// to 4, it links only the pixel in the row of the quarter. This is not a branch in the loop: a processor that runs its lanes in lockstep would execute
-// the branch for all four pixels.
+// to 4, it links only the pixel in the row of the quarter. The code for lags 2 to 4 is not a branch in the loop over the rows, because a processor
+// that runs its lanes in lockstep would execute the branch for all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;

@@ -1,6 +1,6 @@
-// Occlusion culling of a phase: lists, for each batch of the phase, the patches that are not hidden by what earlier phases drew, in their order, and
-// writes their number into the batch's indirect draw. One workgroup handles the patches of a batch. A prefix sum finds the
-// place of each patch in the list, so that the order does not depend on the scheduling of the device.
+// Occlusion culling of a phase. A batch is the patches of the phase that one indirect draw draws. For each batch, this pass lists the patches that
+// are not hidden by what earlier phases drew, and writes their number into the indirect draw. The list keeps the order of the patches. One workgroup
+// handles a batch. A prefix sum finds the place of each patch in the list, so that the order does not depend on the scheduling of the device.
 
 struct OcclusionBatch {
     first: u32,         // index of the first patch of the batch
@@ -26,8 +26,8 @@ struct OcclusionBox {
 @group(1) @binding(5) var<storage, read_write> arguments: array<u32>;
 
 const OCCLUSION_LANES: u32 = 256u;
-// The test reads a level this much finer than the one at which a box lies in at most 2 x 2 texels. The box then lies in at most 8 x 8 texels. They
-// extend less far beyond the box than coarser texels, so that more hidden patches are recognised.
+// The test reads a level that is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels. The box then lies in at
+// most 8 x 8 texels. Finer texels extend less far beyond the box than coarser texels, so that more hidden patches are recognised.
 const OCCLUSION_FINER: u32 = 2u;
 
 var<workgroup> occlusion_sums: array<u32, OCCLUSION_LANES>;

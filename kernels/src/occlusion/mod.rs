@@ -60,7 +60,7 @@ fn levels(size: [u32; 2]) -> u32 {
     last.next_multiple_of(LEVELS_PER_DISPATCH)
 }
 
-/// Passes and pipelines of the stage.
+/// The pipelines of the stage, and the layouts of their bind groups.
 pub struct Occlusion {
     reduce: wgpu::ComputePipeline,
     reduce_layout: wgpu::BindGroupLayout,

@@ -1,5 +1,5 @@
-// The depth pyramid: a texel of a level holds the least reversed depth, which is that of the farthest surface, of 2 x 2 texels of the level below.
-// The texels of level 0 are the pixels of the depth target. The buffer holds the levels from 1 up, each row by row.
+// The depth pyramid: each texel of a level holds the least of the reversed depths in 2 x 2 texels of the level below. The least reversed depth is
+// that of the farthest surface. The texels of level 0 are the pixels of the depth target. The buffer holds the levels from 1 up, each row by row.
 
 // Index of a texel in the buffer. `size`: size of the picture, pixels. `level`: from 1.
 fn occlusion_index(size: vec2<u32>, level: u32, texel: vec2<u32>) -> u32 {

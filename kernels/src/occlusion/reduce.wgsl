@@ -23,7 +23,7 @@ fn occlusion_store(level: u32, texel: vec2<u32>, depth: f32) {
     }
 }
 
-// The texel with this number, 0..=3, among the 2 x 2 texels of the level below that lie in a texel.
+// One of the 2 x 2 texels of the level below that `texel` covers. `number`: 0..=3, row by row.
 fn occlusion_child(texel: vec2<u32>, number: u32) -> vec2<u32> {
     return 2u * texel + vec2<u32>(number & 1u, number >> 1u);
 }

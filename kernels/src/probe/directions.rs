@@ -644,8 +644,8 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let plane = got[0] as u32;
     let step = (std::f64::consts::PI / 8.0).tan();
-    // Distances of the normal from the thresholds at which the plane changes: the slope `cosine`, and the azimuths at 22.5 degrees to either side of
-    // the axes.
+    // Distances of the normal from the thresholds at which the plane changes: the slope with the input `cosine`, and the azimuths at 22.5 degrees to
+    // either side of the axes.
     let [x, y] = [n[0].abs(), n[1].abs()];
     let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
     let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);

@@ -154,7 +154,7 @@ pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     [side * sin, cos * c, -cos * s]
 }
 
-/// Compares numbers with an absolute tolerance.
+/// Compares numbers with an absolute tolerance. All numbers must be finite: NaN would count as agreeing.
 pub fn close(got: &[f64], want: &[f64], tolerance: f64) -> Verdict {
     let share = got.iter().zip(want).map(|(g, w)| (g - w).abs() / tolerance).fold(0.0, f64::max);
     if share <= 1.0 { Verdict::Agrees(share) } else { Verdict::Differs }

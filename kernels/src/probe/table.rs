@@ -60,7 +60,8 @@ impl<'a> Table<'a> {
         MOST_ROWS
     }
 
-    /// Applies the function to every row; cells are row-major.
+    /// Applies the function to every row. `inputs` holds whole rows, one after the other, and the result holds the rows of outputs in the same order.
+    /// Reals are passed as their bits.
     ///
     /// # Errors
     /// The device is lost.

@@ -8,10 +8,11 @@ use crate::world::payload::{diagonal_rises, height_in_quad};
 pub const COARSE_STRIDES: [u32; 4] = [2, 4, 8, 16];
 
 /// For each stride, the largest difference in height between the surface of a patch and its surface with this stride, in units of the heights. The
-/// surfaces are made of triangles whose diagonals alternate. `height`: the height of vertex (i, j) of the patch, 0..=16.
+/// surfaces are made of triangles whose diagonals alternate. `height(i, j)` is the height of the vertex in column i and row j of the patch, both
+/// 0..=16.
 ///
-/// The difference of two such surfaces is largest at a corner of the areas in which both are planes. These corners are the vertices: the diagonal of a
-/// larger quad runs along diagonals of the smaller quads and crosses none of them, because their diagonals alternate.
+/// The difference of two such surfaces is largest at a corner of the areas in which both are planes. These corners are the vertices: the diagonal of
+/// a larger quad runs along diagonals of the smaller quads and crosses none of them, because their diagonals alternate.
 pub fn stride_errors(height: impl Fn(usize, usize) -> f64) -> [f64; COARSE_STRIDES.len()] {
     let quads = NODE_QUADS as usize / cones::PATCHES;
     COARSE_STRIDES.map(|stride| {
@@ -55,7 +56,8 @@ mod tests {
                 height_in_quad(corners, diagonal_rises(i, j), u, v)
             };
             for (error, stride) in stride_errors(|x, y| heights[17 * y + x]).into_iter().zip(COARSE_STRIDES) {
-                // The points at every half of a quad contain all vertices and the middles of all quads. Other points have smaller differences.
+                // A grid of points half a quad apart contains all vertices and the centres of all quads. At other points, the difference is not
+                // larger.
                 let at = |step: f64, i: u32| [f64::from(i % 33) * step, f64::from(i / 33) * step];
                 let difference = |[x, y]: [f64; 2]| (surface(1, x, y) - surface(stride as usize, x, y)).abs();
                 let largest = (0..33 * 33).map(|i| difference(at(0.5, i))).fold(0.0, f64::max);

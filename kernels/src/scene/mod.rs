@@ -1,7 +1,7 @@
 //! A scene file: what a scene contains, but not how it is drawn.
 //!
 //! The types below are the schema of the file (TOML; unknown keys are refused). Lengths are in metres, angles in
-//! degrees, colours in linear RGB, 0..1. The origin is at the centre of the world; x points east, y north, z up.
+//! degrees, colours in linear RGB. The origin is at the centre of the world; x points east, y north, z up.
 
 use std::path::PathBuf;
 
@@ -31,7 +31,7 @@ pub struct Scene {
     #[serde(rename = "material")]
     pub materials: Vec<Material>,
     /// Splat rules. At every splat texel the rule with the largest weight decides the material; if several weights are equal, the last
-    /// of these rules decides.
+    /// of these rules decides. If all weights are 0, the first rule decides.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
     /// Brush strokes, in the order of painting. They change the result of the rules. Where strokes of kind `splat` overlap, the last one
@@ -132,7 +132,7 @@ pub struct Material {
     pub folder: Option<PathBuf>,
     /// Edge of one repeat of the texture, metres.
     pub tile_m: f64,
-    /// Rotation of the texture, degrees.
+    /// Rotation of the texture, degrees, -360 to 360. In the projection from above, positive angles turn it anticlockwise.
     #[serde(default)]
     pub orientation_deg: f64,
     /// Factor on the colour, linear RGB, where the colour mask is 1.
@@ -237,9 +237,9 @@ pub struct CameraPose {
     pub above_ground: bool,
     /// Compass bearing of the view direction: 0 = north (+y), 90 = east (+x).
     pub yaw_deg: f64,
-    /// Degrees above the horizon.
+    /// Angle of the view direction above the horizon, degrees, -90 to 90.
     pub pitch_deg: f64,
-    /// Vertical field of view, degrees.
+    /// Vertical field of view, degrees, 1 to 175.
     #[serde(default = "default_fov")]
     pub fov_deg: f64,
 }

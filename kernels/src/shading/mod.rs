@@ -61,7 +61,7 @@ pub struct PipelineKey {
     pub estimator: Estimator,
     /// Noise that drives the random choices of the estimator.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales, with 96 fetches. This has no effect on estimators that blend only one scale
+    /// Whether full splat blends two tiling scales, which doubles its fetches. This has no effect on estimators that blend only one scale
     /// ([`Estimator::has_two_tilings`]).
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.

@@ -5,7 +5,7 @@ use super::{Estimator, VARIANCE_SCALE, diagnostics, salt};
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::{classification, shared, terrain, view, virtual_texture};
 
-/// Cosine of the slope above which the estimator `snapped` projects textures onto a vertical plane. The value is Terrain3D's default.
+/// Where the cosine of the slope is below this value, the estimator `snapped` projects textures horizontally. The value is Terrain3D's default.
 pub const SNAPPED_COSINE: f64 = 0.8;
 
 const fn estimator(estimator: Estimator) -> Constant {

@@ -14,7 +14,7 @@ pub const MIN_COSINE: f64 = 0.01;
 
 /// Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is `ray * t`, relative to the
 /// eye; `ray_step` is the difference between the neighbour's ray and `ray`; `normal` is a normal of the plane, of any length. Zero if the input is
-/// not finite, or if the neighbour's ray or the step is longer than 1e18, because both are squared.
+/// not finite, or if a component of the neighbour's ray or of the step is beyond 1e18, because both vectors are squared.
 pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) -> [T; 3] {
     let n = unit(normal);
     let neighbour = add(ray, ray_step);

@@ -9,9 +9,9 @@ const DERIVATIVES_MIN_COSINE: f32 = 0.01;
 
 // Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is ray * t, relative to the
 // eye; `ray_step` is the difference between the neighbouring pixel's ray and `ray`; `normal` is a normal, of any length, of the plane through the
-// point. Zero if the input is not finite, or if the neighbour's ray or the step is longer than 1e18, because both are squared. The step is the
-// neighbour's position minus the pixel's position. At large distances these two vectors nearly cancel, so the formula is rearranged to avoid their
-// subtraction.
+// point. Zero if the input is not finite, or if a component of the neighbour's ray or of the step is beyond 1e18, because both vectors are squared.
+// The step is the neighbour's position minus the pixel's position. At large distances these two vectors nearly cancel, so the formula is rearranged
+// to avoid their subtraction.
 fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec3<f32>) -> vec3<f32> {
     let n = octahedral_unit(normal);
     let neighbour = ray + ray_step;

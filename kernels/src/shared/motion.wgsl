@@ -2,8 +2,8 @@
 // nor a search. Positions are relative to an eye, and the host computes the vector between the two eyes in f64, so the result is as precise
 // 1000 km from the origin as at the origin.
 
-// An earlier camera relative to this frame's eye. It sees a point q, relative to its eye, at the distance d = dot(forward, q) and at the
-// pixel (dot(x_row, q) / d - x_shift, dot(y_row, q) / d - y_shift).
+// An earlier camera relative to this frame's eye. If q is a point relative to the earlier eye, the earlier camera sees q at the distance
+// d = dot(forward, q) and at the pixel (dot(x_row, q) / d - x_shift, dot(y_row, q) / d - y_shift).
 struct MotionPast {
     offset: vec3<f32>,      // this eye minus the earlier one, metres
     x_shift: f32,
@@ -58,7 +58,7 @@ fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
 }
 
 // The row that belongs to `quarter`, 0..=3, among the four rows that begin at row `first`, a multiple of 4. A quarter has whole rows, because their
-// pixels share cache lines. Its row moves by one from each four rows to the next, so a pattern with a period of 2, 4 or 8 rows is sampled evenly.
+// pixels share cache lines. Its row moves by one from each four rows to the next, so a pattern with a period of 2 or 4 rows is sampled evenly.
 // Each row belongs to exactly one quarter.
 fn motion_row_of_quarter(first: u32, quarter: u32) -> u32 {
     return first + ((quarter + first / 4u) & 3u);

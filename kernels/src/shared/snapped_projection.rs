@@ -58,8 +58,8 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. That format lacks the bits above 2^32. On a
-/// diagonal plane, the division by 256 therefore leaves only the 24 fractional bits of the result valid. Use the result with scale 0 only.
+/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. That format stores numbers modulo 2^32. On a
+/// diagonal plane, the number is divided by 256, so only the 24 fractional bits of the result are valid. Use the result with scale 0 only.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),
@@ -67,7 +67,7 @@ pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     }
 }
 
-/// Converts a height gradient in a plane to a gradient in the volume. Numbers beyond 1e30 and NaN count as zero.
+/// Converts a height gradient in a plane to a gradient in space. Numbers beyond 1e30 and NaN count as zero.
 pub fn from_gradient<T: Real>(g: [T; 2], plane: u32) -> [T; 3] {
     let g = g.map(usable);
     let along = g[0] * T::of(std::f64::consts::FRAC_1_SQRT_2);

@@ -57,14 +57,14 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     return place.xy;
 }
 
-// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. That format lacks the bits above 2^32. On a diagonal
-// plane, the division by 256 therefore leaves only the 24 fractional bits of the result valid. Use the result with scale 0 only.
+// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. That format stores numbers modulo 2^32. On a diagonal
+// plane, the number is divided by 256, so only the 24 fractional bits of the result are valid. Use the result with scale 0 only.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);
 }
 
-// Converts a height gradient in a plane to a gradient in the volume. Numbers beyond 1e30 and NaN count as zero.
+// Converts a height gradient in a plane to a gradient in space. Numbers beyond 1e30 and NaN count as zero.
 fn snapped_from_gradient(gradient: vec2<f32>, plane: u32) -> vec3<f32> {
     let g = usable_2(gradient);
     let along = g.x * 0.70710678;

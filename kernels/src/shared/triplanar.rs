@@ -32,8 +32,7 @@ pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     }
 }
 
-/// Converts a height gradient (d/du, d/dv) in the plane perpendicular to an axis to a gradient in the volume. The function only copies
-/// numbers.
+/// Converts a height gradient (d/du, d/dv) in the plane perpendicular to an axis to a gradient in space. The function only copies numbers.
 pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     match axis {
         0 => [T::zero(), g[0], g[1]],
@@ -45,9 +44,9 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
 /// Largest magnitude of a component of a height gradient, metres per metre. A slope of this size is almost vertical.
 const MAX_SLOPE: f64 = 1e6;
 
-/// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,
-/// which is the gradient's part along the surface. A gradient steeper than 1e6 is reduced to 1e6 and keeps its direction. A gradient with a component
-/// that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
+/// Normal of the surface displaced by a height whose gradient in space is `gradient` (metres per metre): n minus the part of `gradient` that is
+/// tangent to the surface. If the largest component of `gradient` exceeds 1e6, `gradient` is scaled down until this component is 1e6. A gradient with
+/// a component that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);

@@ -286,7 +286,8 @@ fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>,
     return Surface(texels.albedo * terrain_tint(entry, texels), texels.height.r, gradient, texels.normal.r, texels.normal.b);
 }
 
-// Returns the surface of one material in one projection at the tiling scale 2^scale: three fetches from detail textures, or nine with hex tiling.
+// Returns the surface of one material in one projection: three fetches from detail textures, or nine with hex tiling. A repeat of the textures is
+// 2^scale times as wide as at scale 0.
 // Texture coordinates are a linear function of the position, so their derivatives are computed from the derivatives of the position (ruling 7 in
 // ARCHITECTURE.md).
 fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {

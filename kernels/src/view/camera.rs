@@ -47,8 +47,8 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Between two keys, yaw turns the shorter way. If
-/// all keys are relative to the ground, the poses of all frames are relative to the ground, too.
+/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Between two keys, yaw turns the shorter way.
+/// Frames after the last key have its pose. If all keys are relative to the ground, the poses of all frames are relative to the ground, too.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     let on_ground = path.keys.iter().all(|k| k.above_ground);
     let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
@@ -136,9 +136,10 @@ impl View {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
-    /// Bound on the shift on the screen, pixels, of a visible point in a box (local coordinates) that moves by 1 m in any direction. It holds to first
-    /// order, for moves that are small compared with the distance. With the depth w along the view direction and the angle a from it, a move of 1 m
-    /// perpendicular to the ray of a point, in the plane of ray and view direction, shifts the point by 1 / (w cos a) pixels per pixel of focal length.
+    /// Upper bound on the shift of a visible point on the screen, pixels, if the point moves by 1 m in any direction. The point lies in the box from
+    /// `low` to `high` (local coordinates). The bound holds to first order, for moves that are small compared with the distance. Let w be the depth
+    /// of the point along the view direction, and a the angle between its ray and the view direction. The shift is largest if the point moves
+    /// perpendicular to its ray, in the plane of ray and view direction. It is then 1 / (w cos a) pixels per pixel of focal length.
     pub fn shift_px_per_m(&self, low: DVec3, high: DVec3) -> f64 {
         let [_, _, forward] = self.pose.axes();
         let [right, bottom] = self.size.map(|n| f64::from(n) - 0.5);

@@ -345,9 +345,10 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
-    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. Each operation (reading the height,
-    /// converting both ends of the range to f32, the product and the sum) is off by at most 2^-23 of the sum of the magnitudes, whatever the direction
-    /// of rounding; the errors amount to less than 8 x 2^-24 of that sum, including the conversion of a box to f32.
+    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. The elevation is low + height * span.
+    /// The height is 0..=1, and low and low + span are the ends of [`World::height_range_m`]. Let S be |low| + span. Whatever the direction of
+    /// rounding, the height and the product are each off by at most 2^-23 of span, and the sum by at most 2^-23 of S. The host rounds low, span and
+    /// the elevations of a culling box to f32, each with an error of at most 2^-24 of the number. Together, these errors are at most 8 x 2^-24 of S.
     pub fn elevation_rounding_m(&self) -> f64 {
         let (low, high) = self.height_range_m;
         8.0 / 16_777_216.0 * (low.abs() + (high - low))

@@ -170,7 +170,7 @@ pub struct Brush {
     pub material: String,
     /// Radius in metres, within [`RADII_M`].
     pub radius_m: f64,
-    /// Width in metres of the soft edge of a mask, measured inwards from the border of the mask; at most the radius.
+    /// Width in metres of the soft edge of a mask, measured inwards from the border of the mask. A new stroke limits it to the radius.
     pub fade_m: f64,
     /// Factor of a mask on the weights of the material's rules, from 0 to [`MOST_AMOUNT`].
     pub amount: f64,

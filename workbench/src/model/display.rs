@@ -31,15 +31,15 @@ pub enum Layer {
     Fetches,
     /// The first random choice of each pixel.
     Choice,
-    /// Standard deviation of luminance over frames, for the surface point in each pixel.
+    /// Standard deviation of the luminance of albedo over frames, for the surface point in each pixel.
     Deviation,
-    /// Mean absolute difference in luminance from frame to frame.
+    /// Mean absolute difference in luminance of albedo from frame to frame.
     Flicker,
     /// Share of random choices that differ from those in the previous frame.
     Flips,
-    /// Mean of A - B in luminance over frames.
+    /// Mean of A - B in luminance of albedo over frames.
     Bias,
-    /// Mean absolute change of A - B in luminance from frame to frame.
+    /// Mean absolute change of A - B in luminance of albedo from frame to frame.
     Residual,
 }
 

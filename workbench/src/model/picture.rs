@@ -36,8 +36,8 @@ pub struct Wish {
     pub seeks: bool,
     /// The pose for which nodes and patches are culled while culling is frozen; `None` = the pose of the viewpoint.
     pub culled_from: Option<Pose>,
-    /// Number that identifies the loading of the scene. If it changes, the scene and the files that it names are loaded again, even if the scene is
-    /// equal.
+    /// Number that identifies the loading of the scene. If this number changes, the scene and the files that the scene names are loaded again, even
+    /// if the scene is equal to the previous one.
     pub opened: u32,
 }
 
@@ -94,11 +94,11 @@ pub struct Shown {
     pub draft: bool,
     /// The rendered picture: linear radiance, layers, pass times and counts.
     pub picture: Picture,
-    /// B, if it was requested.
+    /// B; `None` = it was not requested, it could not be drawn (see [`Shown::alone`]), or the picture is a first look.
     pub second: Option<Second>,
     /// The inspected pixel of A; `None` = no pixel was inspected, the inspected pixel shows sky, or the picture is a first look.
     pub pixel: Option<Pixel>,
-    /// Why B is missing although it was requested; one line.
+    /// Why B could not be drawn, in one line; `None` = it was drawn or not requested, or the picture is a first look.
     pub alone: Option<String>,
     /// Elevation of the ground below the camera, metres.
     pub ground_m: f64,
@@ -110,7 +110,7 @@ pub struct Shown {
     pub mean_albedos: Vec<[f32; 3]>,
     /// The live metrics of the last frames, the newest last.
     pub readings: Vec<Reading>,
-    /// Time from the start of drawing to the finished texels.
+    /// Time from the start of drawing to the finished texels of A and B. It includes the inspected pixel and the live metrics.
     pub took: Duration,
 }
 
@@ -142,7 +142,7 @@ pub struct News {
     pub adapter: Option<Adapter>,
     /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Number of compiled shaders, and number of all shaders that a click may need.
+    /// Number of compiled shaders, and number of all shaders that a click may need; zeros if shaders are not compiled in advance.
     pub warm: [usize; 2],
     /// Why the last request was not fulfilled; one line.
     pub failure: Option<String>,

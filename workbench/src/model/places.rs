@@ -192,8 +192,8 @@ impl Recorded {
     /// Reads a table that [`Recorded::to_csv`] wrote. `place` names the table in errors.
     ///
     /// # Errors
-    /// One line with `place` and the number of the line: the columns are different, frames do not count up from 0, a cell is not a number, a pose is
-    /// impossible for a camera, or there are no rows or too many.
+    /// One line with `place` and, if one line of the table is wrong, the number of that line: the table is not UTF-8 text, the columns are different,
+    /// frames do not count up from 0, a cell is not a number, a pose is impossible for a camera, or there are no rows or too many.
     pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
         let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&explain(&error))))?;

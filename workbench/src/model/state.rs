@@ -25,7 +25,7 @@ use super::viewpoint::{Viewpoint, usual_viewpoint};
 
 mod opening;
 
-/// Maximum number of stored times: of the last pictures, and, separately, of the last drawings of the window. The panel *Frame* shows these times.
+/// Maximum length of each of the two lists of times that the panel *Frame* shows: times between the last pictures, and times to draw the window.
 const TIMES: usize = 120;
 /// Default render scale on a software adapter: pixels drawn per pixel of the screen, along a side.
 const SOFTWARE_SCALE: f64 = 0.5;
@@ -108,8 +108,8 @@ pub struct Model {
     pub(crate) looking: Looking,
     /// Why the scene with the current settings is not valid; `None` = it is valid.
     impossible: Option<String>,
-    /// The scene that was validated last; `None` = it is not valid. While the scene is equal to this one, it is not validated again, so it is still
-    /// drawn after files that it names have been removed.
+    /// The scene that was validated last; `None` = it is not valid, or none was validated yet. While the current scene is equal to this one, it is
+    /// not validated again. The current scene is therefore still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
     /// Durations of the last drawings of the window, without the drawing of the terrain pictures. They limit the response time, because a click waits
@@ -329,7 +329,8 @@ impl Model {
         remember(&mut self.answers, time);
     }
 
-    /// Whether the picture that the controls describe can be drawn. If not, [`Model::failure`] says why, and the last picture stays on screen.
+    /// Whether the picture that the controls describe can be requested: the scene is valid, the viewport has room, and the adapter is known. If not,
+    /// the last picture stays on screen. [`Model::failure`] says why a scene is not valid.
     pub(crate) fn is_possible(&mut self) -> bool {
         if self.checked.as_deref() != Some(&self.settings.scene) {
             self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());

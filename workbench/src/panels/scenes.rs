@@ -97,7 +97,7 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
     chosen
 }
 
-/// Asks whether to continue if an action that would discard unsaved edits is pending.
+/// If an action that would discard unsaved edits is pending, asks the user whether to continue.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {

@@ -28,7 +28,7 @@ use super::numbers::number;
 const WIDTH: u32 = 1080;
 /// Width of each of two plots that are side by side.
 const HALF_WIDTH: u32 = 528;
-/// plotters divides a given font size by this factor to obtain the `font-size` of the SVG. `text` multiplies by it to cancel this.
+/// plotters divides a given font size by this factor to obtain the `font-size` of the SVG. `text` multiplies by it to cancel the division.
 const LINE_HEIGHT: f64 = 1.24;
 
 const INK: RGBColor = RGBColor(31, 41, 51);

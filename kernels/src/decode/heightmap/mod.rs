@@ -285,8 +285,8 @@ struct Scaled {
 }
 
 impl Scaled {
-    /// Finds the conversion from stored samples to metres. Refuses an elevation beyond 100 000 m, and a map without relief, because both mean that the samples were
-    /// misinterpreted.
+    /// Finds the conversion from stored samples to metres. Refuses an elevation beyond 100 000 m, and a map without relief, because both mean that
+    /// the samples were misinterpreted.
     fn of(raster: &Raster, found: &Found, options: &ReadOptions) -> std::result::Result<Scaled, Fault> {
         let with_data = move || (0..raster.stored.len()).filter(move |&index| found.has_data(index));
         let stored = range(with_data().map(|index| raster.stored.at(index)));

@@ -18,7 +18,7 @@ pub struct ReadOptions {
     pub metres_per_texel: Option<f64>,
     /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
     /// the float samples 0 and 1 if all samples lie in 0..=1. Required for 16-bit integers if the file does not state what they mean; 32-bit
-    /// integers are refused in this case. All other float samples are metres, and a range is then an error.
+    /// integers are refused in this case. If a float sample is outside 0..=1, all samples are metres, and a range is an error.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,
@@ -34,9 +34,9 @@ pub struct ReadOptions {
     pub voids: Voids,
 }
 
-/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, and masks always mark missing data. Strips and tiles that
-/// are not in a TIFF file do so if the file names a no-data value. Values are compared with samples as they are stored, before the samples
-/// are converted to metres.
+/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, and masks always mark missing data. The samples of a strip
+/// or tile that is not in a TIFF file have no data if the file names a no-data value. Values are compared with samples as they are stored,
+/// before the samples are converted to metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
     /// The value that the file names. Other values that usually mark missing data, such as -9999, are refused; the user must
@@ -45,8 +45,8 @@ pub enum NoData {
     Stated,
     /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
     Named(Vec<f64>),
-    /// No further value: only what always marks missing data does so. All other samples are ground, even if they are transparent or have the
-    /// value that the file names.
+    /// No value besides those that always mark missing data, see [`NoData`]. All other samples are ground, even if they are transparent or have
+    /// the value that the file names.
     Nothing,
 }
 

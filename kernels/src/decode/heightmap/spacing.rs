@@ -4,7 +4,8 @@ use super::options::MAX_SPACING_M;
 use super::units::Unit;
 use crate::decode::fault::Fault;
 
-/// Largest relative difference between the spacing that the file states and the one that the user gives. People round to three digits or more.
+/// Largest relative difference between the spacing in the file and the spacing from the user that counts as rounding. People round to three digits
+/// or more.
 const SAME: f64 = 1e-3;
 
 /// The statement of a file about the distance between its samples.

@@ -1,6 +1,6 @@
-// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
+// Four materials in one projection: from above or, on steep ground, horizontally in one of eight directions (after Terrain3D).
 
-// SHADING_SNAPPED_COSINE: cosine of the slope above which textures are projected onto a vertical plane.
+// SHADING_SNAPPED_COSINE: where the cosine of the slope is below this value, textures are projected horizontally.
 
 fn shade_snapped_project(pixel: ptr<function, Pixel>) {
     (*pixel).planes.x = snapped_plane((*pixel).normal, SHADING_SNAPPED_COSINE);
