@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::role::Role;
 use crate::base::error::{Error, Result, one_line};
 use crate::materials::folder::{
     Convention, Loaded, Reading, Recognised, Set, Sorted, Unused, few, list, load_maps, shown, shown_name, sort_out, stated_tile_m,
@@ -78,7 +79,7 @@ pub struct Refused {
     pub reason: String,
 }
 
-/// Size of one repeat of a texture, metres, and its origin.
+/// Size of one repeat of a texture, metres, and where the size comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tile {
     /// The user gave the size.
@@ -126,8 +127,8 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///
 /// # Errors
-/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more materials than a
-/// scene can have; or the user stopped.
+/// [`Error::File`]: the folder cannot be read. [`Error::Request`]: it has more than 100 000 files and folders, or more than [`MAX_LAYERS`]
+/// materials; or the user stopped.
 pub fn survey(folder: &Path, stopped: &dyn Fn() -> bool) -> Result<MaterialSurvey> {
     // An error in a sub-folder is listed, but the folder itself must be readable.
     drop(fs::read_dir(folder).map_err(|source| Error::File { file: shown(folder).into(), source })?);
@@ -248,7 +249,7 @@ impl MaterialSurvey {
         }
         if !self.unused.is_empty() {
             let unused = few(self.unused.iter().map(|unused| self.relative(&unused.path)));
-            notes.push(format!("not used of {}: {unused}", shown(&self.folder)));
+            notes.push(format!("not used from {}: {unused}", shown(&self.folder)));
         }
         notes
     }
@@ -269,7 +270,7 @@ impl fmt::Display for MaterialSurvey {
                 write!(f, "\n    {map}: {}, {edge} x {edge}{}", self.relative(&source.file), source.reading)?;
             }
             if recognised.occlusion.is_none() {
-                f.write_str("\n    ao: none, nothing is occluded")?;
+                f.write_str("\n    ao: none; specular occlusion is 1 everywhere")?;
             }
             for remark in remarks {
                 write!(f, "\n    note: {remark}")?;
@@ -337,7 +338,7 @@ impl Walk {
             }
         };
         if !self.visited.insert(canonical.clone()) {
-            self.skip(folder, "a link to a folder that is read already");
+            self.skip(folder, "this folder was already read under another path");
             return Ok(());
         }
         let count = listing.files.len() + listing.folders.len() + listing.links.len() + listing.unused.len();
@@ -367,7 +368,7 @@ impl Walk {
 
     fn add(&mut self, folder: &Path, name: String, set: Set, files: &[PathBuf]) {
         if !set.is_material() {
-            self.unused.extend(set.into_unused("there is no other map; a material needs albedo, normal, height and roughness"));
+            self.unused.extend(set.into_unused("it is the only map here; a material needs albedo, normal, height and roughness"));
             return;
         }
         match set.choose(folder, files) {
@@ -395,11 +396,20 @@ fn name_of(folder: &Path, set: &Set, is_only: bool) -> String {
 
 /// Text that is valid as the name of a material and of a folder on all systems.
 fn plain(text: &str) -> String {
-    let short: String = safe(text).chars().take(LONGEST_NAME).collect();
-    match short.trim_matches([' ', '.']) {
+    let safe = safe(text);
+    let name = safe.trim_matches([' ', '.']);
+    // Windows reserves the names of its devices, also with an extension.
+    let first = name.split('.').next().unwrap_or_default().trim().to_lowercase();
+    let is_device = matches!(first.as_str(), "con" | "prn" | "aux" | "nul")
+        || ["com", "lpt"]
+            .iter()
+            .any(|port| first.strip_prefix(port).is_some_and(|n| n.chars().count() == 1 && n.chars().all(char::is_numeric)));
+    let name = match name {
         "" => "material".to_owned(),
+        name if is_device => format!("material {name}"),
         name => name.to_owned(),
-    }
+    };
+    name.chars().take(LONGEST_NAME).collect::<String>().trim_end_matches([' ', '.']).to_owned()
 }
 
 /// Replaces the characters that are not allowed in names of files on some systems.
@@ -534,45 +544,6 @@ fn copy(recognised: &Recognised, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The role of a material in the landscape, derived from its name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
-    Green,
-    Soil,
-    Rubble,
-    Rock,
-    Snow,
-}
-
-impl Role {
-    pub(super) fn of(name: &str) -> Role {
-        let name = name.to_lowercase();
-        let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
-        if has(&["snow", "ice"]) {
-            Role::Snow
-        } else if has(&["cliff", "granite", "limestone", "basalt"]) {
-            Role::Rock
-        } else if has(&["grass", "meadow", "moss", "forest", "heath"]) {
-            Role::Green
-        } else if has(&["scree", "gravel", "pebble", "rubble", "talus", "boulder"]) {
-            Role::Rubble
-        } else if has(&["rock", "stone"]) {
-            Role::Rock
-        } else {
-            Role::Soil
-        }
-    }
-
-    /// Usual size of one repeat of a texture, metres.
-    fn tile_m(self) -> f64 {
-        match self {
-            Role::Rock => 5.0,
-            Role::Rubble | Role::Snow => 3.5,
-            Role::Green | Role::Soil => 2.5,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -615,6 +586,19 @@ mod tests {
         {
             assert_eq!(plain(text), name);
         }
-        assert!(plain(&"long".repeat(100)).chars().count() <= LONGEST_NAME);
+        // Names that Windows reserves for devices.
+        for (text, name) in [
+            ("Con", "material Con"),
+            ("nul.old", "material nul.old"),
+            ("COM1", "material COM1"),
+            ("lpt\u{b2}", "material lpt\u{b2}"),
+            ("concrete", "concrete"),
+            ("com12", "com12"),
+        ] {
+            assert_eq!(plain(text), name);
+        }
+        for text in ["long".repeat(100), "con.".to_owned() + &"x".repeat(100)] {
+            assert!(plain(&text).chars().count() <= LONGEST_NAME);
+        }
     }
 }

@@ -4,7 +4,8 @@ use std::fmt;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::materials::{self, MaterialSurvey, Role};
+use super::materials::{self, MaterialSurvey};
+use super::role::Role;
 use super::viewpoints;
 use crate::base::error::{Error, Result, one_line};
 use crate::base::files::WholeFolder;

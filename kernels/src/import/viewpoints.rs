@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::role::Role;
 use crate::scene::{CameraPose, Scene};
 use crate::world::World;
 
@@ -57,22 +58,6 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
         fov_deg: FOV_DEG,
     };
     NAMES.into_iter().zip(poses).map(camera).collect()
-}
-
-/// Returns the class of a material: 0 = vegetation, 1 = bare rock and rubble, 2 = soil and every unknown name, 3 = snow and ice. The camera
-/// `ground` is placed at a border between the classes 0 and 1.
-fn kind_of(name: &str) -> u8 {
-    let name = name.to_lowercase();
-    let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
-    if has(&["snow", "ice"]) {
-        3
-    } else if has(&["grass", "meadow", "moss", "forest", "leaves"]) {
-        0
-    } else if has(&["rock", "cliff", "granite", "limestone", "scree", "gravel", "stone"]) {
-        1
-    } else {
-        2
-    }
 }
 
 fn survey(world: &World) -> Vec<Place> {
@@ -137,7 +122,8 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
     None
 }
 
-/// Casts a grid of rays through a 16:9 image, and returns where they hit the ground, row by row from the bottom; `None` as in [`cast`].
+/// Casts a grid of rays through a 16:9 image, and returns where they hit the ground, row by row from the bottom. `None`: the ray hits no ground, see
+/// [`cast`].
 fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Option<Hit>> {
     let tangent = (FOV_DEG.to_radians() / 2.0).tan();
     let (sin_yaw, cos_yaw) = pose.yaw.sin_cos();
@@ -221,15 +207,17 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
     best(poses, score).unwrap_or_else(|| fallback(world))
 }
 
+/// Returns the best pose at a border between vegetation and bare rock or rubble.
 fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
-    let kind = |x: f64, y: f64| {
+    let role = |x: f64, y: f64| {
         let index = usize::from(world.material_at(x, y));
-        scene.materials.get(index).map_or(2, |m| kind_of(&m.name))
+        scene.materials.get(index).map_or(Role::Soil, |m| Role::of(&m.name))
     };
+    let is_bare = |role: Role| matches!(role, Role::Rock | Role::Rubble);
     let gentle: Vec<Place> = places.iter().copied().filter(|p| p.slope_deg > 3.0 && p.slope_deg < 25.0).collect();
     let mixed = |p: &&Place| {
-        let kinds: Vec<u8> = (0..9).map(|i| kind(p.x + f64::from(i % 3 - 1) * 6.0, p.y + f64::from(i / 3 - 1) * 6.0)).collect();
-        kinds.contains(&0) && kinds.contains(&1)
+        let around: Vec<Role> = (0..9).map(|i| role(p.x + f64::from(i % 3 - 1) * 6.0, p.y + f64::from(i / 3 - 1) * 6.0)).collect();
+        around.contains(&Role::Green) && around.into_iter().any(is_bare)
     };
     let candidates: Vec<Place> = thin(gentle, 6000).par_iter().filter(mixed).copied().collect();
     let mut poses = Vec::new();
@@ -240,17 +228,20 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Share of each class of material in a fan of points on the ground in front of the camera. The points lie closer together on near ground.
-        let mut share = [0.0f64; 4];
+        // Shares of vegetation and of bare ground in a fan of points on the ground in front of the camera. The points lie closer together on near
+        // ground.
+        let (mut green, mut bare) = (0.0f64, 0.0f64);
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {
             let distance = 2.0 + f64::from(i / 6) * 2.2;
             let side = (f64::from(i % 6) - 2.5) * 0.22 * distance;
             let (x, y) = (pose.eye[0] + sin * distance + cos * side, pose.eye[1] + cos * distance - sin * side);
-            share[usize::from(kind(x, y))] += 1.0 / 60.0;
+            let role = role(x, y);
+            green += if role == Role::Green { 1.0 / 60.0 } else { 0.0 };
+            bare += if is_bare(role) { 1.0 / 60.0 } else { 0.0 };
         }
         let hidden = cast(world, pose.eye, [sin * 0.995, cos * 0.995, -0.1], 12.0).is_some_and(|h| h.distance < 8.0);
-        share[0].min(share[1]) + 0.2 * share[0].min(0.3) - if hidden { 0.3 } else { 0.0 }
+        green.min(bare) + 0.2 * green.min(0.3) - if hidden { 0.3 } else { 0.0 }
     };
     best(poses, score).unwrap_or_else(|| fallback(world))
 }
@@ -299,8 +290,8 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
     for place in thin(slopes, 110) {
         let slope = place.gradient[0].hypot(place.gradient[1]);
         let downhill = (-place.gradient[0]).atan2(-place.gradient[1]);
-        // The first view is straight down the slope, nearly parallel to the ground. The other two are turned by 1.2 radians to either side, and their
-        // pitch is closer to horizontal.
+        // The first view looks straight down the slope, nearly parallel to the ground. The other two views are turned by 1.2 radians to either side
+        // and look less steeply down.
         for (yaw, pitch) in
             [(downhill, -slope.atan() - 0.02), (downhill + 1.2, -0.05 - 0.35 * slope.atan()), (downhill - 1.2, -0.05 - 0.35 * slope.atan())]
         {
@@ -315,14 +306,4 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
         hits.iter().flatten().filter(graze).count() as f64 / count - (0.4 - ground).max(0.0)
     };
     best(poses, score).unwrap_or_else(|| fallback(world))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn kinds_of_materials_do_not_depend_on_case() {
-        assert_eq!(["Grass 01", "grass_01", "Rock030", "rock030", "Ground054", "SNOW"].map(kind_of), [0, 0, 1, 1, 2, 3]);
-    }
 }
