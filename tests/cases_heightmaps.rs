@@ -583,8 +583,8 @@ fn statements_that_mean_nothing_or_contradict_each_other_are_refused() {
     let and = |more: Vec<Tag>| utm().into_iter().chain(more).collect::<Vec<Tag>>();
     for (tags, words) in [
         (vec![metadata(&[("scale", "0")])], "the scale of its heights is 0"),
-        (vec![metadata(&[("scale", "nan")])], "`nan`, which is no number"),
-        (vec![metadata(&[("offset", "-inf")])], "`-inf`, which is no number"),
+        (vec![metadata(&[("scale", "nan")])], "`nan`, which is not a number"),
+        (vec![metadata(&[("offset", "-inf")])], "`-inf`, which is not a number"),
         (vec![metadata(&[("unittype", "cubit")])], "`cubit`, is not known"),
         (vec![metadata(&[("scale", "2"), ("scale", "3")])], "two values of scale"),
         (vec![words(42_113, "void")], "no-data value is `void`"),

@@ -153,8 +153,8 @@ fn poly_haven_names_31() {
             ("ao", file("ao_2k.jpg"), GREY),
         ]
     );
-    has(unused(&survey, &file("nor_dx_2k.png")), &["OpenGL counts before"]);
-    has(unused(&survey, &file("arm_2k.jpg")), &["files of their own"]);
+    has(unused(&survey, &file("nor_dx_2k.png")), &["order of preference: OpenGL"]);
+    has(unused(&survey, &file("arm_2k.jpg")), &["each of its maps also has a separate file"]);
     assert_eq!(survey.unused.len(), 2, "{survey}");
     let maps = drawn_alone("31", &survey, 128);
     let at = |what: &str| set.join("rock_wall_10").join(file(what));
@@ -207,7 +207,7 @@ fn ambient_cg_names_32() {
             ("ao", file("AmbientOcclusion")),
         ]
     );
-    has(unused(&survey, &file("NormalDX")), &["OpenGL counts before"]);
+    has(unused(&survey, &file("NormalDX")), &["order of preference: OpenGL"]);
     let maps = drawn_alone("32", &survey, 128);
     let at = |what: &str| set.join(name).join(file(what));
     same_albedo(&maps, &at("Color"));
@@ -358,7 +358,7 @@ fn a_tga_that_is_too_short_for_its_size_is_refused_before_it_is_decoded() {
         fs::write(folder.join("albedo.tga"), header(kind, 8192)).expect("written");
         has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "18 bytes cannot hold 8192x8192 texels"]);
         fs::write(folder.join("albedo.tga"), &file[..17]).expect("written");
-        has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "ends too early"]);
+        has(&refusal(&surveyed(&temp.0)), &["albedo.tga", "ends inside its header"]);
     }
 }
 
@@ -655,7 +655,7 @@ fn notes_repeat_what_is_assumed_and_not_used() {
     let notes = surveyed(&temp.0).notes();
     assert_eq!(notes.len(), 3, "{notes:?}");
     has(&notes[0], &["grass: normal.png: the lengths"]);
-    has(&notes[2], &["not used of", "photo.png"]);
+    has(&notes[2], &["not used from", "photo.png"]);
 }
 
 #[test]
@@ -722,7 +722,7 @@ fn a_folder_without_materials_is_refused_with_what_was_seen() {
     let survey = surveyed(&temp.0);
     has(&refusal(&survey), &["seen: ", "half/albedo.png", "photos/IMG_1.png"]);
     has(unused(&survey, "empty"), &["an empty folder"]);
-    has(unused(&survey, "albedo.png"), &["no other map"]);
+    has(unused(&survey, "albedo.png"), &["the only map here"]);
     has(&survey.to_string(), &["not used in photos: IMG_1.png, IMG_2.png: its name does not say which map it is"]);
 }
 
@@ -796,8 +796,8 @@ fn loops_devices_and_odd_names_are_one_line_each() {
     let survey = surveyed(&set);
     fs::set_permissions(&locked, fs::Permissions::from_mode(0o700)).expect("set");
     assert_eq!(names(&survey), ["odd__2J_name", "rock"]);
-    has(unused(&survey, "loop"), &["read already"]);
-    has(unused(&survey, "another"), &["read already"]);
+    has(unused(&survey, "loop"), &["already read"]);
+    has(unused(&survey, "another"), &["already read"]);
     has(unused(&survey, "self"), &["cannot be followed"]);
     has(unused(&survey, "dangling.png"), &["cannot be followed"]);
     has(unused(&survey, "._albedo.png"), &["hidden"]);

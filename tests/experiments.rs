@@ -141,8 +141,7 @@ fn choices_of_the_frame_are_set_and_varied() {
     assert!(of_normals("true").unwrap_err().contains("`frame.normals` is true, must be octahedral, plane-first or exact"));
 }
 
-/// Wrong definitions: a text of `TEXT` to replace, the replacement, and texts that the error must contain. The error must also name the line of the
-/// change.
+/// Wrong definitions: a text of `TEXT` to replace, the replacement, and texts that the error must contain.
 const WRONG: &[(&str, &str, &[&str])] = &[
     ("noises = ", "noise = ", &["unknown key `noise`", "did you mean `noises`"]),
     ("frames = 4", "frames = \"many\"", &["frames", "invalid type"]),
@@ -240,7 +239,7 @@ fn wrong_definitions_are_refused_with_line_key_and_remedy() {
             assert!(refused.contains(part), "`{to}`: `{part}` is not in: {refused}");
         }
         assert!(refused.starts_with("experiment trial.toml:") && refused.lines().count() == 1, "{refused}");
-        // The error names one of the changed lines, or the line of the key that it mentions.
+        // The error must name a changed line, a line that contains the key of the error, or the line of `[set]`.
         let named: usize = refused["experiment trial.toml:".len()..].split(':').next().unwrap().parse().expect("a line number");
         let key = says[0].split([',', ' ']).next_back().unwrap_or_default();
         let start = TEXT[..TEXT.find(from).unwrap()].lines().count().max(1);
@@ -693,7 +692,7 @@ fn damaged_parts_and_results_are_done_again() {
     let mut run = Run::open(&trial, &again, &machine()).unwrap();
     assert_eq!(run.progress(), (list.len() - 4, list.len()), "{:?}", run.notes());
     assert!(
-        run.notes().len() == 4 && run.notes().iter().all(|note| note.contains("done again") && note.lines().count() == 1),
+        run.notes().len() == 4 && run.notes().iter().all(|note| note.contains("measured again") && note.lines().count() == 1),
         "{:?}",
         run.notes()
     );

@@ -150,7 +150,7 @@ fn every_format_holds_the_same_ground() {
         }
     }
     let wrong_order = ReadOptions { raw_size: Some(SIZE), raw_big_endian: true, ..options() };
-    expect_error(read(&temp.path("little.raw"), &wrong_order), &["noise, but terrain in the other byte order", "leave out"]);
+    expect_error(read(&temp.path("little.raw"), &wrong_order), &["noise, but like terrain in the other byte order", "leave out"]);
 }
 
 #[test]

@@ -111,8 +111,8 @@ fn run_whole(folder: &Folder) -> Whole {
     Whole { tables, rows: run.rows, took }
 }
 
-/// The first two of three frames only warm up, so the third frame alone is measured. Its rows must equal those of a run in which all frames are
-/// measured. With warm-up, the values over all frames must equal the values of the third frame.
+/// The first two of three frames are warm-up, so only the third frame is measured. Its rows must equal the rows of the third frame in a run that
+/// measures all frames. With warm-up, the values over all measured frames must equal the values of the third frame.
 #[test]
 fn frames_that_warm_up_are_drawn_but_not_measured() {
     let folder = Folder::new("warm-up");
@@ -193,7 +193,7 @@ fn check_videos(video: &Path) {
     let moved = |(at, link): &(usize, usize)| (*link % 80).cmp(&(at % 80));
     let [right, left] =
         [std::cmp::Ordering::Greater, std::cmp::Ordering::Less].map(|way| linked.iter().filter(|pair| moved(pair) == way).count());
-    // Rock within 13.8 m of the camera, which covers 7.6 % of the terrain pixels, moves by more than half a pixel.
+    // Rock within 13.8 m of the camera moves by more than half a pixel. It covers 7.6 % of the terrain pixels.
     assert!(right > linked.len() / 50 && left == 0, "{right} to the right, {left} to the left, of {}", linked.len());
 }
 
@@ -242,7 +242,7 @@ fn a_view_without_terrain_is_refused() {
     assert_eq!(output.status.code(), Some(1), "{said}");
     let last = said.lines().last().unwrap_or_default();
     assert!(last.starts_with("error: ") && last.contains("view `cliff-sideways` shows no terrain in its last frame"), "{said}");
-    assert!(last.contains("needs another --out") && !last.contains("--resume"), "{said}");
+    assert!(last.contains("use another --out") && !last.contains("--resume"), "{said}");
 }
 
 #[test]

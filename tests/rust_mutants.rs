@@ -198,7 +198,7 @@ impl Judges {
         if self.0.contains_key(judge) {
             return Ok(());
         }
-        eprintln!("compiles {judge} without a mutant; the first time, this takes minutes");
+        eprintln!("compiling {judge} without a mutant; the first compilation takes minutes");
         let binary = tree.build(judge, true)?.with_context(|| format!("{judge}: the sources do not compile without a mutant"))?;
         let began = Instant::now();
         match tree.tests(&binary, judge, Duration::from_secs(1200))? {

@@ -131,7 +131,7 @@ pub(crate) struct CheckArgs {
 #[command(after_help = "\
 Times of a software adapter can only be compared with each other, so ratios are printed, each with the half-width of its 95 % interval. A round draws
 each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading times, or of each
-share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. What is not known to 5 % then is marked as unstable.
+share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios that are not known to 5 % by then are marked as unstable.
 
 Examples:
   experiments bench --size 960x540 --record notebooks-data/bench.csv

@@ -191,7 +191,8 @@ impl Workbench {
             if let Some(failure) = self.model.failure() {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
-                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("Shaders with this error are not used");
+                ui.colored_label(ui.visuals().error_fg_color, error)
+                    .on_hover_text("The edited shaders are not in use until this error is fixed");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),

@@ -91,8 +91,7 @@ pub(super) const FETCHES_TERM: (&str, &str) =
 /// Name and explanation of the bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",
-    "mean of linear albedo over seeds, pixels and channels, minus the mean of the exact blend of the same flavours; \u{b1} = standard error. Cancelling: \
-     the probability, without any bias, of biases of areas of 16 x 16 pixels as large as the measured ones.",
+    "mean of linear albedo over seeds, pixels and channels, minus the mean of the exact blend of the same flavours; \u{b1} = standard error. Cancelling: p-value of a test for biases that cancel over the picture: the probability that areas of 16 x 16 pixels deviate as much as measured if there is no bias.",
 );
 /// Name and explanation of the variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (

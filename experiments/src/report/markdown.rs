@@ -36,7 +36,9 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     }
     let all = table.summaries.len();
     let cut = if cut < all {
-        format!(" The table shows {cut} of {all} choices: those on a Pareto front, single flavours, and automatic choices.")
+        format!(
+            " The table shows {cut} of {all} choices: those on a Pareto front, single flavours, automatic choices, and choices of the generic kernel."
+        )
     } else {
         String::new()
     };
@@ -76,8 +78,8 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
     text
 }
 
-/// Returns the table of choices as text, and the number of its rows. A long table is reduced to three kinds of choices: those on a Pareto front,
-/// forced variants of a single flavour, and automatic choices.
+/// Returns the table of choices as text, and the number of its rows. A long table is reduced to four kinds of choices: those on a Pareto front,
+/// forced variants of a single flavour, automatic choices, and all choices that use the generic kernel.
 fn choices(run: &RunData, table: &Table) -> (String, usize) {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);

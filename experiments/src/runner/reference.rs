@@ -1,4 +1,5 @@
-//! Renders the converged reference of a view, and the reference sequence, against which each frame is compared.
+//! Renders the references of a view: the converged reference, with which the last frame is compared, and the reference sequences, with which every
+//! frame is compared.
 //!
 //! The reference sequence consists of 96-fetch pictures with one sample per pixel, along the same path as the pictures under test. Each temporal
 //! resolve has its own sequence, which is rendered with the sample points of this resolve and passes through this resolve. The pictures of the
@@ -44,7 +45,7 @@ const BATCH: u32 = 8;
 /// Smallest number of batches. The standard error cannot be estimated well from fewer batches.
 const MIN_BATCHES: u32 = 4;
 /// No more samples are taken when the standard error of the reference is at most this share of the error of the 96-fetch blend with one
-/// sample per pixel.
+/// sample per pixel. Both errors are those of albedo.
 pub(super) const SHARE: f64 = 0.1;
 
 /// Facts about a reference, which are stored next to its picture.
@@ -292,7 +293,8 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
-        // For each signal: the largest number of invalid pixels among the sets of sample points, each summed over the frames.
+        // For each signal: the number of invalid pixels in all measured frames together. Each set of sample points has such a number; the largest is
+        // kept.
         let mut invalid = vec![0u64; signals.len()];
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
@@ -369,7 +371,7 @@ impl Runner<'_> {
         }
         if !all.terrain.contains(&true) {
             return Err(Unfit(format!(
-                "view `{}` shows no terrain in its last frame: move its camera, give fewer frames, or enlarge the picture; a changed definition needs another --out",
+                "view `{}` shows no terrain in its last frame: move its camera, give fewer frames, or enlarge the picture; use another --out with the changed definition",
                 unit.view
             ))
             .into());
@@ -378,7 +380,7 @@ impl Runner<'_> {
         let most_invalid = invalid.iter().copied().max().unwrap_or(0);
         if most_invalid > 0 {
             eprintln!(
-                "note: view `{}`: {most_invalid} pixels of the reference sequence have a colour that is not finite; nothing is compared with them",
+                "note: view `{}`: {most_invalid} pixels of the reference sequence have a colour that is not finite; these pixels are not compared",
                 unit.view
             );
         }
@@ -431,8 +433,8 @@ impl Runner<'_> {
                 labels.put_of(&mut rows, "reference", signal, metrics::REFERENCE_SE, last, *error, None)?;
             }
             for (resolve, sequence) in &record.sequences {
-                // In rows about the reference, the column `temporal` is empty. The sequence without a resolve belongs to the reference itself, so the
-                // column is empty in its rows, too.
+                // The column `temporal` is empty in rows about the converged reference, which has no resolve. It is therefore also empty in rows
+                // about the sequence without a resolve.
                 let temporal = if *resolve == Resolve::Off.to_string() { "" } else { resolve.as_str() };
                 let labels = Labels { temporal, ..labels };
                 if let Some(changes) = sequence.changes.get(signal.name()) {

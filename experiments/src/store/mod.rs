@@ -75,7 +75,7 @@ const STEPS: u64 = 1000;
 /// What to do if the folder already contains a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Keep it, and do not start a new run.
+    /// Keep it, and report an error.
     Refuse,
     /// Continue it if it is the requested run. Otherwise report an error.
     Resume,
@@ -245,7 +245,7 @@ impl Run {
                     self.mend()?;
                 }
                 Some(damaged) => {
-                    self.notes.push(format!("{} is damaged, so all parts are done again", self.file(damaged, "parquet").display()));
+                    self.notes.push(format!("{} is damaged, so all parts are measured again", self.file(damaged, "parquet").display()));
                     self.manifest.complete = false;
                     self.manifest.files.retain(|name, _| name == SCENE);
                     self.manifest.write(&self.folder)?;
@@ -265,7 +265,7 @@ impl Run {
                     self.done.insert(share.unit.index);
                 }
                 Err(error) => {
-                    self.notes.push(format!("{error:#}; this part is done again"));
+                    self.notes.push(format!("{error:#}; this part is measured again"));
                     fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
                 }
             }

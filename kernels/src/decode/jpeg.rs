@@ -28,7 +28,7 @@ pub(super) fn check_end(bytes: &[u8]) -> Result<(), Fault> {
         let Some(after) = segment.get(usize::from(u16::from_be_bytes([high, low])).max(2)..) else { break };
         rest = after;
     }
-    Err(Fault::Damaged("JPEG: it has no end".to_owned()))
+    Err(Fault::Damaged("JPEG: the end of the picture is missing".to_owned()))
 }
 
 #[cfg(test)]

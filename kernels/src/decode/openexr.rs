@@ -298,7 +298,7 @@ fn check_counters(block: &CompressedBlock, header: &Header) -> Result<(), Fault>
     let (counters, _) = bytes.as_chunks::<8>();
     let claims = [1_usize, 6, 7, 8, 9].into_iter().filter_map(|index| counters.get(index)).map(|counter| u64::from_le_bytes(*counter));
     match claims.max() {
-        Some(claim) if claim > most as u64 => Err(damaged("a block of pixels claims to have more data than pixels")),
+        Some(claim) if claim > most as u64 => Err(damaged("a block of pixels states more data than its number of pixels can have")),
         _ => Ok(()),
     }
 }
@@ -629,7 +629,7 @@ mod tests {
             let mut claims = bytes.clone();
             claims[counters + 8 * index..][..8].copy_from_slice(&(1_u64 << 40).to_le_bytes());
             let text = read_all(&claims).unwrap_err();
-            assert!(text.contains("more data than pixels"), "{index}: {text}");
+            assert!(text.contains("more data than its number of pixels"), "{index}: {text}");
         }
     }
 

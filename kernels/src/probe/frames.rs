@@ -17,7 +17,11 @@ pub(super) const MOMENTS: Probe = Probe {
         real("spread", "distance of samples from the mean"),
         whole("count", "number of samples", 1, LONGEST),
     ],
-    outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
+    outputs: &[
+        real("mean_high", "mean"),
+        real("mean_low", "low part of the mean: mean = mean_high + mean_low"),
+        real("variance", "unbiased"),
+    ],
     blocks: None,
     // `zero` is 0. If the compiler could prove this, it would simplify the compensated sums of moments.wgsl. The shader reads the count
     // from memory, so the compiler must assume that the highest bit of the count may be set.

@@ -167,7 +167,7 @@ pub(super) const TILING: Probe = Probe {
         whole("sector", "sectors along an axis", -EXACT, EXACT),
         whole("fixed_high", "upper 16 bits of the repeats per sector, in units of 2^-24", 0, 0xffff),
         whole("fixed_low", "lower 16 bits of the repeats per sector", 0, 0xffff),
-        whole("scale", "log2 of the number of tiles per repeat", 0, 8),
+        whole("scale", "tiling scale: a repeat of the texture is 2^scale times as wide as at scale 0", 0, 8),
     ],
     outputs: &[real("scales", "the finer scale plus the weight of the coarser one, octaves"), real("coordinate", "0..1")],
     blocks: None,

@@ -259,7 +259,7 @@ pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
         real("w_2", "near cliff"),
         real("w_3", "far cliff"),
         real("w_4", "splat"),
-        whole("given_mask", "flavours whose given weights are not negligible", 0, 31),
+        whole("given_mask", "mask of the flavours whose given weight is above 1/512", 0, 31),
         real("held_0", "limited weight of virtual texture, 0..1"),
         real("held_1", "limited weight of far atlas"),
         real("held_2", "limited weight of near cliff"),

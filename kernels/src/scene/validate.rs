@@ -115,7 +115,7 @@ fn materials(at: &At, scene: &Scene) -> Checked {
 
 fn rules(at: &At, scene: &Scene) -> Checked {
     if scene.rules.is_empty() {
-        at.fail("there is none: give at least one [[rule]], or no splat texel has a material")?;
+        at.fail("there is none: give at least one [[rule]]; without rules, splat texels have no material")?;
     }
     let names = material_names(scene);
     for (i, rule) in scene.rules.iter().enumerate() {
@@ -188,7 +188,7 @@ fn flavours(at: &At, scene: &Scene) -> Checked {
     }
     if f.far_atlas_m > f.cliff_far_atlas_m {
         at.key("far_atlas_m").fail(format!(
-            "is {}, must not exceed cliff_far_atlas_m = {}: cliffs keep their textures at least as far as flat ground",
+            "is {}, must not exceed cliff_far_atlas_m = {}: cliffs must not change to the far atlas nearer than flat ground does",
             f.far_atlas_m, f.cliff_far_atlas_m
         ))?;
     }

@@ -25,16 +25,16 @@ pub enum Estimator {
     /// at random from two, because a fixed choice would change the scale abruptly at some distances. Hex tiling reduces the contrast of textures.
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
-    /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. With an anisotropy of 1, its mean on near and far cliff is
-    /// the mean of `Fc5`. On splat, its mean is the exact blend of near cliff, because the height blend of splat would need the heights of
-    /// all four materials.
+    /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. If the anisotropy of the scene is 1, the mean of `Stf` on near and
+    /// far cliff is the mean of `Fc5`. On splat, the mean of `Stf` is the exact blend of near cliff, because the height blend of splat would need
+    /// the heights of all four materials.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
     /// the height blend. Far cliff uses only the lower of the two tiling scales, so its scale changes abruptly at some distances.
     Laplacian,
     /// Eight layers, projected from above. All layers are sampled at every pixel, and each is blended over the layers before it (Luna, 2016).
     Luna8,
-    /// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
+    /// Four materials in one projection: from above or, on steep ground, horizontally in one of eight directions (after Terrain3D).
     Snapped,
     /// The mean of `Biplanar` over all its random choices.
     BiplanarMean,
@@ -152,9 +152,9 @@ impl Estimator {
         match self {
             Estimator::Fc5 | Estimator::Exact => None,
             Estimator::Variance => Some("it is a variance and not a blend"),
-            Estimator::Biplanar | Estimator::BiplanarMean => Some("it leaves out one of three projections"),
+            Estimator::Biplanar | Estimator::BiplanarMean => Some("it drops the projection that the surface faces least"),
             Estimator::Hex | Estimator::HexMean => Some("hex tiling reduces contrast and replaces the second tiling scale"),
-            Estimator::Stf => Some("its mean is the trilinear filter, and on splat the blend of near cliff"),
+            Estimator::Stf => Some("its mean is filtered trilinearly, and on splat its mean is the blend of near cliff"),
             Estimator::Laplacian => Some("its bands have different weights, and the coarse band is filtered trilinearly"),
             Estimator::Luna8 => Some("it projects from above and has eight materials"),
             Estimator::Snapped => Some("it has one projection"),

@@ -116,10 +116,10 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
     }
 }
 
-/// Returns the detail textures that a scene needs. They exist even if no flavour samples them, because every error is measured against the full
-/// blend.
+/// Returns the detail textures that a scene needs. They exist even if no flavour of the scene samples them, because errors are measured against the
+/// reference blend, which samples them.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
-    let textured = "cliffs, splat, pages, and the reference that errors are measured against";
+    let textured = "cliffs, splat, pages, and the reference blend, against which errors are measured";
     let [full, half] = [demands.detail_size, demands.detail_size / 2];
     let array = |name, format, edge: u32| TextureUse::new(name, format, edge, edge.max(1).ilog2() + 1, demands.detail_layers, textured);
     let [albedo, normal, height] = DETAIL_FORMATS;
@@ -127,7 +127,7 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
 }
 
 impl Terrain {
-    /// Uploads palette and detail arrays and binds them with the atlases.
+    /// Uploads palette and detail arrays and binds them with the atlases. `anisotropy`: largest anisotropy of the sampler of detail textures, 1..=16.
     pub fn new(gpu: &Gpu, streaming: &Streaming, palette: &Palette, anisotropy: u16) -> Terrain {
         let layout = gpu.layout(
             "terrain",

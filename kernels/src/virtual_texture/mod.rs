@@ -316,7 +316,7 @@ impl Stage for VirtualTexture {
             all.map(|texture| texture.unless(required, reason(required))).into()
         },
         name: "virtual texture",
-        about: "Reads depth, normals, mask, then splat map and detail textures; writes page requests, the missing pages and the page table",
+        about: "Reads depth, normals, mask, splat map and detail textures; writes page requests, the missing pages and the page table",
         modules: &[&REQUEST_MODULE, &PAGE_MODULE],
         ..Declaration::EMPTY
     };

@@ -18,7 +18,7 @@ pub enum Mode {
     SideBySide,
     /// One picture at a time; a key switches between them.
     Flicker,
-    /// The absolute difference of the two pictures.
+    /// The absolute difference of the two lit pictures in luminance.
     Difference,
 }
 
@@ -117,8 +117,8 @@ impl Compare {
     }
 }
 
-/// Describes in words how `own` differs from `other`. Leaves out differences in LOD bias, vertex stride and display, and in those parts of the
-/// scene that no panel changes. If there is nothing to describe, returns only the choice of variant.
+/// Describes in words how `own` differs from `other`. Leaves out differences in display, and in those parts of the scene that no panel changes. If
+/// there is nothing to describe, returns only the choice of variant.
 pub fn label(own: &Settings, other: &Settings) -> String {
     let mut parts = Vec::new();
     if own.choice() != other.choice() {
@@ -142,6 +142,15 @@ pub fn label(own: &Settings, other: &Settings) -> String {
     }
     if mine.normals != theirs.normals {
         parts.push(format!("{} normals", mine.normals));
+    }
+    if (mine.lod_bias - theirs.lod_bias).abs() > 0.0 {
+        parts.push(format!("node LOD bias {}", mine.lod_bias));
+    }
+    if mine.vertex_stride != theirs.vertex_stride {
+        parts.push(format!("vertex stride {}", mine.vertex_stride));
+    }
+    if (mine.geometry_error - theirs.geometry_error).abs() > 0.0 {
+        parts.push(format!("geometry error {} px", mine.geometry_error));
     }
     for (setting, [number, _]) in differences(&own.scene, &other.scene) {
         let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
@@ -192,6 +201,10 @@ mod tests {
         painted.scene.materials[0].tint[1] = 0.5;
         painted.scene.rules.pop();
         assert_eq!(label(&painted, &b), "different materials, different rules");
+        let mut coarse = b.clone();
+        (coarse.frame.lod_bias, coarse.frame.vertex_stride, coarse.frame.geometry_error) = (1.5, 4, 0.5);
+        assert_eq!(label(&coarse, &b), "node LOD bias 1.5, vertex stride 4, geometry error 0.5 px");
+        assert_eq!(label(&b, &coarse), "node LOD bias 0, vertex stride 1, geometry error 0 px");
         compare.other = Other::Exact;
         assert_eq!(compare.b(&a).map(|b| (b.frame.estimator, b.frame.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
         compare.other = Other::Full;

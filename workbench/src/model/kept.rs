@@ -29,7 +29,7 @@ use super::places::{Place, Places, Recorded};
 use super::settings::{Settings, differences, kept_names, numbers};
 
 /// Version of the file format. It is raised when a key is added or changes its meaning. An older program does not change a file of a newer version.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Maximum number of scenes in the list of recent ones.
 pub const MOST_RECENT: usize = 10;
 /// Time between two checks whether the state has changed.

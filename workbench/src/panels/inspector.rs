@@ -257,7 +257,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Size of the pixel on the ground, from above: shorter and longer side, and the length that decides the level. In texels of level 0, with mip bias.",
+        "Size of the pixel on the ground, seen from above, in texels of level 0, with mip bias: shorter side, longer side, and (`covered`) the length that decides the level",
     );
     row(
         "Page LOD",

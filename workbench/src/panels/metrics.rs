@@ -27,7 +27,7 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Residual",
-        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point. If B is the full blend, this \
+        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point. If B is the reference blend, this \
                 is the change that only one of A and B has. None if B is not drawn.",
         of: |s| s.residual,
     },
@@ -50,7 +50,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("Measures the numbers below in every frame. This uses shaders that record choices, so times differ from those of the normal shaders.");
         ui.checkbox(frozen, "Freeze")
-            .on_hover_text("Keeps the numbers as they are. If more than one frame passes meanwhile, measuring restarts afterwards.");
+            .on_hover_text("Keeps the numbers as they are. If time advances by more than one frame while the numbers are frozen, measuring starts again when you switch this off.");
         if ui.button("Restart").on_hover_text("Discards the frames measured so far and measures again").clicked() {
             *resets = resets.wrapping_add(1);
         }
@@ -65,7 +65,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let label = ui.label("Window");
         ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames")).labelled_by(label.id).on_hover_text(
-            "About how many past frames count; older frames count exponentially less. The newest frame has the weight 1 / length.",
+            "About how many past frames count; older frames count exponentially less. The newest frame has the weight 1 / length once a point has been visible for that many frames; before that, all its frames have the same weight.",
         );
     });
     let Some(shown) = model.shown().cloned() else { return };

@@ -12,7 +12,7 @@ use crate::model::state::Model;
 struct Band {
     name: &'static str,
     unit: &'static str,
-    /// Smallest and largest value of an end of the range that a scene file accepts.
+    /// Smallest and largest value that a scene file accepts for an end of the range.
     limits: [f64; 2],
     /// The range that a band has when the user switches it on. It is so wide that it usually changes nothing.
     whole: [f64; 2],
@@ -130,7 +130,7 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
     band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
     band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
-    let hint = "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = it applies everywhere";
+    let hint = "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = no noise, so the rule applies everywhere";
     let label = ui.label(format!("Rule {number} noise"));
     value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();

@@ -61,8 +61,9 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         {
             model.settings.frame.variant = None;
         }
-        ui.checkbox(&mut model.settings.frame.generic, "Generic kernel")
-            .on_hover_text("One shader that receives the set of flavours at run time, as a baseline for the specialised shaders (key G)");
+        ui.checkbox(&mut model.settings.frame.generic, "Generic kernel").on_hover_text(
+            "One shader that reads the flavours of each tile at run time; the baseline for the 31 specialised shaders (key G)",
+        );
     });
     ui.separator();
     ui.label("Flavours on every tile");

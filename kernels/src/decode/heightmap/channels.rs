@@ -58,7 +58,7 @@ impl Candidate<'_> {
 /// Otherwise it is the only channel apart from alpha, or the only luminance, depth or value in a file without colours. If red, green and
 /// blue are the only channels apart from alpha, and are equal in all pixels, red is read. In all other cases, the file is refused with the
 /// list of its channels.
-/// A sample has no data where the alpha of its part and layer is 0.
+/// A sample has no data where the alpha of its part and layer is 0, unless the options contain [`NoData::Nothing`].
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;
     let all: Vec<Candidate<'_>> =
@@ -206,7 +206,7 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {
             [] => "none is named after heights",
-            _ => "there are colours, and only if red, green and blue are alone and equal in all pixels, they are heights",
+            _ => "there are colours; they are read as heights only if red, green and blue are alone and equal in all pixels",
         };
         Fault::Unsupported(format!(
             "it is not certain which channel holds the heights ({why}); name it with --channel, one of: {}; or call it `height`",

@@ -15,10 +15,10 @@ use crate::decode::fault::Fault;
 pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     let items = items(xml)?;
     let scale = number(&items, "scale")?;
-    // Subnormal numbers are refused like 0, because dividing by them overflows.
+    // Subnormal numbers are refused like 0, because they would make all elevations equal.
     if let Some(scale) = scale.filter(|scale| !scale.is_normal()) {
         return Err(Fault::Unsupported(format!(
-            "the scale of its heights is {scale}; state the true one with gdal_translate -a_scale SCALE IN OUT.tif"
+            "the scale of its heights is {scale}; state the right value with gdal_translate -a_scale SCALE IN OUT.tif"
         )));
     }
     let offset = number(&items, "offset")?;
@@ -41,7 +41,7 @@ fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(Some(value)),
         _ => Err(Fault::Unsupported(format!(
-            "the {role} of its heights is `{}`, which is no number; state the true one with gdal_translate -a_{role} VALUE IN OUT.tif",
+            "the {role} of its heights is `{}`, which is not a number; state the right value with gdal_translate -a_{role} VALUE IN OUT.tif",
             text.trim()
         ))),
     }
@@ -148,7 +148,7 @@ pub(super) fn no_data(text: &str) -> Result<Option<f64>, Fault> {
     }
     text.parse().map(Some).map_err(|_| {
         Fault::Unsupported(format!(
-            "its no-data value is `{text}`, which is no number; state the true one with gdal_edit.py -a_nodata VALUE FILE"
+            "its no-data value is `{text}`, which is not a number; state the right value with gdal_edit.py -a_nodata VALUE FILE"
         ))
     })
 }
@@ -192,8 +192,8 @@ mod tests {
     fn values_that_mean_nothing_are_refused() {
         for (items, words) in [
             ("<Item role=\"scale\">0</Item>", "scale of its heights is 0"),
-            ("<Item role=\"scale\">nan</Item>", "no number"),
-            ("<Item role=\"scale\">inf</Item>", "no number"),
+            ("<Item role=\"scale\">nan</Item>", "not a number"),
+            ("<Item role=\"scale\">inf</Item>", "not a number"),
             ("<Item role=\"scale\">1e-320</Item>", "scale of its heights"),
             ("<Item role=\"offset\">x</Item>", "offset of its heights is `x`"),
             ("<Item role=\"unittype\">fathom &amp; more</Item>", "`fathom & more`"),

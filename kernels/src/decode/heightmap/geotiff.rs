@@ -11,7 +11,7 @@ use super::systems::{WORLD_MERCATOR, has_metric_heights, is_depth, is_metric, pr
 use super::units::{METRE, Unit};
 use crate::decode::fault::Fault;
 
-// Numbers of the keys that are read, of the tag with the floating-point parameters, and of two values of keys (user-defined, degree).
+// Numbers of the GeoTIFF keys that are read; the tag with their floating-point parameters; two values of keys (user-defined unit, degree).
 const MODEL_TYPE: u16 = 1024;
 const RASTER_TYPE: u16 = 1025;
 const GEODETIC_SYSTEM: u16 = 2048;
@@ -31,8 +31,8 @@ const DEGREE_M: f64 = 111_195.0;
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
 /// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
-/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. The terms of two statements of one
-/// transform may differ by as much.
+/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. If a file states its transform twice (as
+/// ModelPixelScale and as ModelTransformation), the terms may differ by as much.
 const SAME_TERM: f64 = 1e-6;
 /// Largest scale error of a projection at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;
@@ -182,7 +182,7 @@ impl Keys {
             None => return Ok(of_system),
             Some(USER_DEFINED) => {
                 let metres = self.doubles.get(&LINEAR_UNIT_SIZE).copied().filter(|size| size.is_normal() && *size > 0.0);
-                let metres = metres.ok_or_else(|| Fault::Damaged("it defines a unit of length, but not how long it is".to_owned()))?;
+                let metres = metres.ok_or_else(|| Fault::Damaged("it defines a unit of length, but does not state the unit's length in metres".to_owned()))?;
                 Unit { name: "user-defined unit", metres }
             }
             Some(code) => Unit::of_code(code).ok_or_else(|| {

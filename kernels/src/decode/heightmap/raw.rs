@@ -49,7 +49,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions, depth:
     };
     if is_swapped {
         return Err(Fault::Unsupported(format!(
-            "its samples are noise, but terrain in the other byte order; {} --raw-big-endian",
+            "its samples look like noise, but like terrain in the other byte order; {} --raw-big-endian",
             if options.raw_big_endian { "leave out" } else { "give" }
         )));
     }
@@ -82,7 +82,11 @@ fn no_square(length: u64, depth: Depth) -> Fault {
     if hints.is_empty() {
         hints.push("the file is truncated, or its size must be given: --raw-size WIDTHxHEIGHT");
     }
-    Fault::Unsupported(format!("{length} bytes are not a square of samples of {} bits; {}", depth.bits(), hints.join(", or ")))
+    Fault::Unsupported(format!(
+        "a file of {length} bytes is not a square image with {} bits per sample; {}",
+        depth.bits(),
+        hints.join(", or ")
+    ))
 }
 
 /// The type that the samples probably have, judged by the length of the file, with the remedy; `None` if no type fits.

@@ -98,7 +98,7 @@ fn of_integers(depth: Depth, [smallest, largest]: [f64; 2], range: Option<[f64; 
     }
     let Some([low, high]) = range else {
         return Err(Fault::Unsupported(format!(
-            "the elevations of its samples, {}, are unknown; give --height-range LOW,HIGH: the metres of the samples {smallest} and {largest} \
+            "the elevations of its samples, {}, are unknown; give --height-range LOW,HIGH: the elevations, in metres, of the samples {smallest} and {largest} \
              ({smallest},{largest} if the samples are metres)",
             depth.words()
         )));

@@ -406,7 +406,7 @@ impl Description {
         }
         if let (Some(linear), None) = (self.georeference.linear_unit.filter(|unit| !unit.is_metre()), self.statement.unit) {
             notes.push(format!(
-                "the unit of distances is the {}, but the unit of heights is not stated; they are not converted",
+                "the unit of distances is the {}, but the unit of heights is not stated; heights are not converted",
                 linear.name
             ));
         }
@@ -557,7 +557,7 @@ fn samples<R: Read + Seek>(
             }
         } else {
             notes.push(format!(
-                "{} of {chunks} {}s are not in the file, and it names no no-data value, so their samples are 0",
+                "{} of {chunks} {}s are not in the file, and the file states no no-data value, so their samples are 0",
                 missing.len(),
                 layout.chunk_name()
             ));

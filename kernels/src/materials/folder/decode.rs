@@ -87,7 +87,7 @@ pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) ->
 /// can contain so many texels (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
 fn check_tga(start: &[u8], length: u64) -> Result<(), Fault> {
     let Some(header) = start.first_chunk::<TGA_HEADER>() else {
-        return Err(Fault::Damaged("TGA: it ends too early".to_owned()));
+        return Err(Fault::Damaged("TGA: the file ends inside its header".to_owned()));
     };
     let [width, height] = [12, 14].map(|at| u16::from_le_bytes([header[at], header[at + 1]]));
     edge_of(u32::from(width), u32::from(height))?;
@@ -122,7 +122,7 @@ fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Resul
     let edge = edge_of(width, height)?;
     // If the metadata cannot be read, the image counts as upright.
     if decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms) {
-        return Err(Fault::Unsupported("its metadata say that it must be turned or mirrored: save it upright".to_owned()));
+        return Err(Fault::Unsupported("its metadata require a rotation or a reflection: save it upright".to_owned()));
     }
     let mut remarks = Vec::new();
     let mut encoding = Encoding::Codes;
@@ -137,7 +137,7 @@ fn coded(mut decoder: impl ImageDecoder, want: Want, colours: &Colours) -> Resul
             if !(0.1..=10.0).contains(&gamma) {
                 return Err(Fault::Unsupported(format!("it states a gamma of {gamma}, which no picture has: save it as sRGB")));
             }
-            remarks.push(format!("it states the gamma {gamma:.3} instead of sRGB, which is applied"));
+            remarks.push(format!("it states the gamma {gamma:.3} instead of sRGB; this gamma is applied"));
             encoding = Encoding::Gamma(gamma);
         }
     }

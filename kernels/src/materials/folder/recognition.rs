@@ -261,7 +261,9 @@ pub fn sort_out(files: &[PathBuf]) -> Sorted {
     for group in groups.into_values() {
         if is_whole(&group) { set(group) } else { left.extend(group) }
     }
-    sorted.unused.extend(left.iter().map(|c| Unused::new(&c.file, "the folder holds several materials, and none of them has this name")));
+    sorted
+        .unused
+        .extend(left.iter().map(|c| Unused::new(&c.file, "the folder holds several materials, and this file's name matches none of them")));
     sorted
 }
 
@@ -390,7 +392,7 @@ impl Chooser<'_> {
             _ => false,
         };
         let packed = self.one("packed", is_useful)?;
-        self.drop_all(|kind| matches!(kind, Kind::Packed(_)), "all its maps are there as files of their own");
+        self.drop_all(|kind| matches!(kind, Kind::Packed(_)), "each of its maps also has a separate file, which is used");
         Ok(packed)
     }
 
@@ -400,11 +402,13 @@ impl Chooser<'_> {
         if let Some(owner) = self.owner.clone() {
             // Names without a material fit all materials.
             let (own, foreign): (Vec<_>, Vec<_>) = found.into_iter().partition(|c| c.key == owner || c.key.is_empty() || owner.is_empty());
-            self.unused.extend(foreign.iter().map(|c| Unused::new(&c.file, "its name states another material than that of the albedo")));
+            self.unused.extend(
+                foreign.iter().map(|c| Unused::new(&c.file, "its name states a different material than the name of the albedo map")),
+            );
             found = own;
             self.prefer(&mut found, |c| u32::from(c.key != owner), "the map with the same name as the albedo is used");
         }
-        self.prefer(&mut found, |c| u32::from(!c.is_readable()), "files of this format cannot be read, another file holds this map");
+        self.prefer(&mut found, |c| u32::from(!c.is_readable()), "this format cannot be read; another file of the same map is used");
         self.prefer(
             &mut found,
             |c| match c.label.kind {
@@ -412,7 +416,7 @@ impl Chooser<'_> {
                 Kind::Normal(Convention::DirectX) => 2,
                 _ => 0,
             },
-            "another normal map is used: OpenGL counts before no convention, and that before DirectX",
+            "another normal map is used; order of preference: OpenGL, no stated convention, DirectX",
         );
         self.prefer(&mut found, |c| c.label.lod.unwrap_or(0), "the finest level of detail is used");
         if found.iter().all(|c| c.label.resolution.is_some()) {
