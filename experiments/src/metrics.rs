@@ -17,7 +17,7 @@ pub enum Needs {
 }
 
 /// An additional column that identifies a row. It distinguishes rows of a metric that are equal in view, variant, estimator, noise, temporal resolve,
-/// setting and frame.
+/// signal, setting and frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// No additional column.
@@ -118,8 +118,8 @@ impl Sequence {
     }
 }
 
-/// The accepted range of the number of pixels per degree of the viewer's field of view. Below this range, the feature filters of FLIP are narrower than
-/// a pixel. Above it, no display has so many pixels per degree at a usual distance, and the filters become more than 100 pixels wide.
+/// The accepted range of the number of pixels per degree of the viewer's field of view. Below this range, the feature filters of FLIP are narrower
+/// than a pixel. Above it, the filters are more than 100 pixels wide, and no display has so many pixels per degree at a usual distance.
 pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
 /// A metric.
@@ -237,7 +237,7 @@ metrics! {
     TAA_REJECTIONS = "taa_rejections", "1", Frames, None, Each,
         "Share of history samples that a 3 x 3 colour box clips.";
     DISOCCLUDED = "disoccluded", "1", Frames, Lag, None,
-        "Share of the followed terrain pixels that have no history in an earlier frame.";
+        "Share of terrain pixels whose surface point was hidden or outside the picture in an earlier frame.";
     REFERENCE_SE = "reference_se", "linear albedo", Picture, None, Each,
         "Standard error of the reference, root mean square over pixels.";
     REFERENCE_SPP = "reference_spp", "samples/px", Picture, None, None,
@@ -272,6 +272,8 @@ pub fn companion_of(name: &str) -> Option<&'static str> {
 
 /// Name of the pass that shades. Its times decide how long a run measures times.
 pub const SHADING_PASS: &str = "shading";
+/// The passes that all choices of a setting share: they are drawn once in each round, and their times are stored with one of the choices.
+pub const SHARED_PASSES: [&str; 2] = ["geometry", "occlusion"];
 /// Name of the metric that is the device time of the shading pass.
 pub const SHADING_TIME: &str = "gpu_ms:shading";
 /// Name of the metric that is the ratio of device times of the shading pass.

@@ -1,5 +1,6 @@
 //! `render`: renders pictures of a scene with any variant, estimator and noise, or renders the converged reference.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -50,7 +51,7 @@ struct FrameSummary {
     /// GPU time of each pass, milliseconds. For a reference, it is the sum over all samples. If one of the layers `fetches`, `choice` or `variant` is
     /// requested, pixels are shaded by counting pipelines, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
-    /// Mean number of fetches over terrain pixels; absent if the layer `fetches` was not requested.
+    /// Mean number of fetches over terrain pixels; absent if none of the layers `fetches`, `choice` and `variant` is requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
     /// Number of screen tiles that each variant shades. Variants that shade no tile are absent.
@@ -258,8 +259,8 @@ impl Sums {
 
 /// Inserts the frame number into a file name: `out.exr` and 3 give `out-0003.exr`.
 fn numbered_file(out: &Path, frame: u32) -> PathBuf {
-    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    out.with_file_name(format!("{stem}-{frame:04}.{}", extension(out)))
+    let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    out.with_file_name(format!("{}-{frame:04}.{}", part(out.file_stem()), part(out.extension())))
 }
 
 fn text(summary: &Summary) -> String {
@@ -285,6 +286,7 @@ mod tests {
     #[test]
     fn frame_numbers_go_before_the_extension() {
         assert_eq!(numbered_file(Path::new("a/b.c.exr"), 3), Path::new("a/b.c-0003.exr"));
+        assert_eq!(numbered_file(Path::new("a/B.EXR"), 12), Path::new("a/B-0012.EXR"));
     }
 
     #[test]

@@ -261,11 +261,15 @@ pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check
     let cancelling = probabilities().filter(|(p, _)| *p < family.level).count();
     // With very many rows, the level of each test may be smaller than the smallest probability that a test by random signs can give.
     let unreachable = smallest.is_some() && SMALLEST_PROBABILITY >= family.level;
-    let off = family.judged.iter().filter(|judged| judged.is_off() || judged.row.probability.is_some_and(|p| p < family.level)).count();
+    let is_off = |row: &Measured| {
+        let mean = family.judged.iter().any(|judged| std::ptr::eq(judged.row, row) && judged.is_off());
+        mean || row.probability.is_some_and(|p| p < family.level)
+    };
+    let off = rows.iter().filter(|row| is_off(row)).count();
     let mark = family.mark(cancelling > 0, unreachable);
     let (all, told) = (rows.len(), family.judged.len());
     let result = match mark {
-        Mark::Fails => format!("{} of {all} random rows are biased", off.max(cancelling)),
+        Mark::Fails => format!("{off} of {all} random rows are biased"),
         Mark::Passes => format!("none of {all} random rows is found to be biased"),
         Mark::Unclear if told == 0 => format!("cannot tell whether {all} random rows are biased"),
         Mark::Unclear => format!("of {all} random rows, {told} could be tested, and none of these is found to be biased"),

@@ -356,10 +356,11 @@ fn short_memory(run: &RunData, table: &Table) -> Option<String> {
     })
 }
 
-/// Largest mean share of terrain pixels that may be impossible to follow from one frame to the next. Above it, the check is unclear.
+/// Largest mean share of disoccluded terrain pixels (without a link to the previous frame) at which the check [`followed`] passes. If the share is
+/// larger, the check is unclear.
 const MOST_HIDDEN: f64 = 0.5;
 
-/// Checks that most pixels can be followed from frame to frame; `None` if no frames were compared.
+/// Checks that, in every view, most terrain pixels have a link to the previous frame; `None` if no frames were compared.
 fn followed(table: &Table) -> Option<Check> {
     let share = |view: &str| {
         let hidden = table.of_view(view).into_iter().map(|i| table.summaries[i].value(DISOCCLUDED)).filter(|hidden| hidden.is_finite());
@@ -419,7 +420,7 @@ pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -
         (Mark::of(good == judged.len()), format!("{good} of {} {words}{signals}{cure}", judged.len()))
     });
     let doubles = (table.doubles > 0)
-        .then(|| (Mark::Fails, format!("{} numbers have more than one row; only the first row of each is used", table.doubles)));
+        .then(|| (Mark::Fails, format!("rows that repeat a number of an earlier row, and are ignored: {}", table.doubles)));
     [
         ("expectations", expected),
         ("references", references),

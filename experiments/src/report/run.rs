@@ -10,6 +10,7 @@ use super::numbers::{LEVEL, number};
 use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point, Rgb, colour};
 use super::summary::{ADDED, CLUMPING, FLIP, FLIPS, Key, KeyOf, LOST, Metric, Number, PERCEIVED, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
+use crate::metrics::SHARED_PASSES;
 
 /// Limit of the size of a page, bytes. It determines how much space is left for pictures after all other sections. A page should be small enough to
 /// be mailed: mail servers refuse attachments that are a few times larger than this limit.
@@ -140,12 +141,11 @@ fn facts(run: &RunData, table: &Table) -> String {
             "Shading",
             "device time of the shading pass, divided by that of the first row, which was drawn in the same rounds; median over the rounds. Unstable: the \
              95 % interval is wider than \u{b1} 5 %, so the number takes part in no front and no sentence. Not interleaved: the two times were measured one \
-             after the other, so the interval is not known, and the same holds.",
+             after the other, so the interval is not known, and the number takes part in no front and no sentence, either.",
         ),
         (
             "\u{b1}, bars and bands",
-            "95 % confidence intervals, except in the column Bias; those of shading times lie between two ratios of single rounds, all others follow from \
-             Student's t distribution; without an interval, the error is unknown.",
+            "95 % confidence intervals, except in the column Bias; the ends of an interval of a shading time are ratios of two of the rounds; all other intervals follow from Student's t distribution; without an interval, the error is unknown.",
         ),
         CHOICE_TERM,
     ];
@@ -410,7 +410,8 @@ fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool
 }
 
 /// Reduces the curves to at most [`CURVES`], and also returns their original number. Curves of stochastic choices are preferred to curves of
-/// deterministic choices. Within both kinds, automatic choices are preferred to single flavours, and single flavours to combinations of flavours.
+/// deterministic choices. Within both kinds, automatic choices and choices of the generic kernel are preferred to single flavours, and single
+/// flavours to combinations of flavours.
 fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) {
     let all = curves.len();
     if all > CURVES {
@@ -544,8 +545,9 @@ impl CloseUp {
     }
 }
 
-/// Returns at most four close-ups of variants that use random numbers. These are automatic choices and single flavours. If the view has neither, the
-/// variants with the fewest flavours are taken. If a variant has more choices than one plot can show, it gets one close-up for each temporal resolve.
+/// Returns at most four close-ups of variants that use random numbers: automatic choices, variants that are forced with the generic kernel, and
+/// single flavours. If the view has none of these, the variants with the fewest flavours are taken. If a variant has more choices than one plot can
+/// show, it gets one close-up for each temporal resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
     let rows = table.of_view(view);
@@ -702,13 +704,22 @@ fn passes(run: &RunData, table: &Table) -> Result<String> {
         let timed: Vec<usize> = table.of_view(view).into_iter().filter(|&i| table.summaries[i].times().next().is_some()).collect();
         let leading: Vec<usize> = timed.iter().copied().filter(|&i| table.summaries[i].key.flavours().is_none_or(|n| n == 1)).collect();
         let shown = if leading.is_empty() || timed.len() <= BARS { &timed } else { &leading };
+        // The choices of a setting share the geometry, whose times are stored with only one of them.
+        // Choices of one estimator and noise were timed in the same rounds.
+        let shared = |pass: &str, key: &Key| {
+            let rounds = |key: &Key| (key.setting.clone(), key.estimator.clone(), key.noise.clone());
+            let of_rounds = timed.iter().map(|&i| &table.summaries[i]).filter(|summary| rounds(&summary.key) == rounds(key));
+            of_rounds.flat_map(Summary::times).find(|(other, _)| *other == pass).map(|(_, n)| (pass.to_owned(), n.value))
+        };
         let rows: Vec<(String, BTreeMap<String, f64>)> = shown
             .iter()
             .take(BARS)
             .map(|&i| {
                 let word = if table.shading(i).is_some_and(|shading| shading.is_unstable()) { " (unstable)" } else { "" };
                 let label = table.label(&table.summaries[i].key) + word;
-                (label, table.summaries[i].times().map(|(pass, n)| (pass.to_owned(), n.value)).collect())
+                let of_geometry = SHARED_PASSES.into_iter().filter_map(|pass| shared(pass, &table.summaries[i].key));
+                let own = table.summaries[i].times().map(|(pass, n)| (pass.to_owned(), n.value));
+                (label, of_geometry.chain(own).collect())
             })
             .collect();
         if rows.is_empty() {

@@ -274,7 +274,7 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let mut run = frames(&[], Some(7.0));
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
-    assert!(html(&run, &[]).contains("<li class=\"bad\">1 numbers have more than one row"));
+    assert!(html(&run, &[]).contains("<li class=\"bad\">rows that repeat a number of an earlier row, and are ignored: 1"));
     // A second row of a frame is ignored and counted, too. It would otherwise shift the mean.
     for again in 0..2 {
         let mut run = frames(&[1.0, 3.0], None);
@@ -411,7 +411,8 @@ fn every_mark_can_be_red() {
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // The six checks: accuracy of the references, promised fetches, bias, variance, invalid pixels, followed pixels.
+    // The six checks: accuracy of the references, promised fetches, bias, variance, invalid pixels, share of pixels that can be followed from frame
+    // to frame.
     assert_eq!(marks(&good, &[]), [Passes; 6]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();

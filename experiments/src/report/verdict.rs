@@ -446,7 +446,7 @@ fn eye(table: &Table, rows: &[usize], best: usize, subject: &str) -> Option<Stri
     Some(if compare(of(quiet), of(best), PERCEIVED, level) == Difference::Apart {
         format!("; {subject} looks noisier to the eye{rate} than {} noise ({})", name(quiet), against(quiet))
     } else if compare(of(best), of(noisy), PERCEIVED, level) == Difference::Apart {
-        format!("; no other looks less noisy to the eye{rate} ({} with {} noise)", against(noisy), name(noisy))
+        format!("; no other noise looks less noisy to the eye{rate} ({} with {} noise)", against(noisy), name(noisy))
     } else {
         let range = format!("{} to {}", value(of(quiet), PERCEIVED), value(of(noisy), PERCEIVED));
         format!("; the run cannot tell how the noises differ to the eye{rate} ({} {range})", PERCEIVED.words)
@@ -687,7 +687,7 @@ fn temporal_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let (what, on) = (metric.words, on(of(before)));
     let among = if all.len() > 1 { format!("of {} resolves, ", all.len()) } else { String::new() };
     let numbers = if several { format!("factors {} to {}", least.words(), most.words()) } else { format!("factor {}", least.words()) };
-    // The smallest of all factors is tested, so each of them counts as one test.
+    // The tested factor is selected from all factors because it is small, so each of them counts as one test.
     let level = level_of_each(all.iter().map(|(_, factors)| factors.len()).sum());
     let is_told = compare(of(before), of(after), metric, level) == Difference::Apart;
     if !(least.ratio() < 1.0 && is_told) {
@@ -708,9 +708,9 @@ fn temporal_told(table: &Table, rows: &[usize]) -> Option<Told> {
     let mut sentence = format!("{among}{resolve} removes the most {what}{on}: it multiplies it by {change}");
     if several {
         sentence += &if most.is_above(least, level_of_ranking(factors.len(), 1)) {
-            format!(" and by {} with {} noise, of which the most survives", most.words(), noise(most))
+            format!(" and by {} with {} noise, whose change it reduces least", most.words(), noise(most))
         } else {
-            format!("; the run cannot tell which noise survives best (up to {} with {} noise)", most.words(), noise(most))
+            format!("; the run cannot tell for which noise the factor is largest (up to {} with {} noise)", most.words(), noise(most))
         };
     }
     let mut more: Vec<String> = Vec::new();
@@ -1078,13 +1078,20 @@ fn variants(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// Names the choices with the smallest and the largest error. This is the answer for views in which no cost was measured. If no error was measured
-/// either, added change is used instead.
+/// Names the choices with the smallest and the largest error. If no error was measured, added change is used instead. This is the answer for views in
+/// which cost or error was not measured.
 fn without_cost(table: &Table, rows: &[usize]) -> Option<Told> {
     let (metric, (low, high)) = [table.error, ADDED].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let of = |i: usize| &table.summaries[i];
     let item = |i: usize| format!("{} ({})", table.label(&of(i).key), price(table, &[of(i)]));
-    let what = format!("no cost was measured; by {},", metric.words);
+    let is_known = |metric| !known(table, rows, metric).is_empty();
+    let missing = match (is_known(table.cost), is_known(table.error)) {
+        (false, true) => "no cost was measured",
+        (true, false) => "no error was measured",
+        (false, false) => "neither cost nor error was measured",
+        (true, true) => "cost and error were not measured for the same choices",
+    };
+    let what = format!("{missing}; by {},", metric.words);
     let level = level_of_ranking(known(table, rows, metric).len(), 1);
     let difference = if low == high { Difference::Apart } else { compare(of(low), of(high), metric, level) };
     let sentence = match difference {
@@ -1253,7 +1260,7 @@ mod tests {
         all.iter_mut().for_each(|(_, numbers)| numbers.retain(|(metric, ..)| *metric != "rmse"));
         assert_eq!(
             said(&all),
-            "No cost was measured; by added change, the best choice is vt (added change 0.001), and the worst is splat (added change 0.002)."
+            "Neither cost nor error was measured; by added change, the best choice is vt (added change 0.001), and the worst is splat (added change 0.002)."
         );
     }
 
@@ -1377,7 +1384,7 @@ mod tests {
         };
         assert!(
             of_two(0.00001).contains(
-                "; no other looks less noisy to the eye at 60 frames a second (perceived noise 0.001000 \u{b1} 0.000032 against 0.001800 \u{b1} 0.000032 with \
+                "; no other noise looks less noisy to the eye at 60 frames a second (perceived noise 0.001000 \u{b1} 0.000032 against 0.001800 \u{b1} 0.000032 with \
                  white noise)"
             ),
             "{}",
@@ -1538,7 +1545,7 @@ mod tests {
         let text = said(&[&one[..], &more[..]].concat());
         assert!(
             text.contains(
-                "a frame) and by 0.500 \u{b1} 0.014 with white noise, of which the most survives; with hashed noise, lost change goes"
+                "a frame) and by 0.500 \u{b1} 0.014 with white noise, whose change it reduces least; with hashed noise, lost change goes"
             ),
             "{text}"
         );
@@ -1573,7 +1580,7 @@ mod tests {
         assert!(
             text.starts_with(
                 "Of 2 resolves, exponential removes the most added change with automatic choice: it multiplies it by 0.265 \u{b1} 0.023 with white noise \
-                 (0.0372 \u{b1} 0.0024 to 0.00985 \u{b1} 0.00063 a frame); the run cannot tell which noise survives best (up to 0.289 \u{b1} 0.025 with \
+                 (0.0372 \u{b1} 0.0024 to 0.00985 \u{b1} 0.00063 a frame); the run cannot tell for which noise the factor is largest (up to 0.289 \u{b1} 0.025 with \
                  hashed noise)"
             ),
             "{text}"

@@ -9,13 +9,10 @@ use kernels::shared::noise::NoiseKind;
 
 use super::{Labels, Mark, Runner, parse, views};
 use crate::definition::Definition;
-use crate::metrics::{self, SHADING_PASS};
+use crate::metrics::{self, SHADING_PASS, SHARED_PASSES};
 use crate::process::check_interrupted;
 use crate::rounds::{self, LEAST, Plan, Timed, Turn, Wanted};
 use crate::unit::{Outcome, Unit};
-
-/// The passes that all candidates share: they are drawn once in each round.
-const SHARED: [&str; 2] = ["geometry", "occlusion"];
 
 /// A way to shade that is timed.
 type Candidate = (VariantChoice, Estimator, NoiseKind);
@@ -77,7 +74,7 @@ impl Runner<'_> {
             let passes = renderer.draw(&request)?.into_report().passes;
             // The geometry is drawn by the first picture of a round, which shows a different candidate in each round. All times of shared passes are
             // assigned to candidate 0, so that each pass has one series.
-            let owner = |pass: &str| if SHARED.contains(&pass) { 0 } else { turn.candidate };
+            let owner = |pass: &str| if SHARED_PASSES.contains(&pass) { 0 } else { turn.candidate };
             Ok(passes.into_iter().map(|pass| Timed { candidate: owner(&pass.name), pass: pass.name, ms: pass.time_ms }).collect())
         };
         let began = Instant::now();

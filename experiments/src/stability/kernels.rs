@@ -143,7 +143,7 @@ fn findings(probe: &Probe, block: &Block<'_>, [on, adapter]: [&str; 2], inputs: 
     let differ = count(|row| row.verdict == Verdict::Differs);
     let shares = rows.iter().filter_map(|row| if let Verdict::Agrees(share) = row.verdict { Some(share) } else { None });
     let of_tolerance = shares.fold(0.0, f64::max);
-    let [worst_ulp, typical_ulp] = worst_and_median(rows.iter().map(|row| row.ulp).collect());
+    let [worst_ulp, typical_ulp] = worst_and_median(rows.iter().filter(|row| !row.errors.is_empty()).map(|row| row.ulp).collect());
     let of_measure = |(i, measure): (usize, &kernels::probe::Measure)| {
         let [worst, typical] = worst_and_median(rows.iter().filter_map(|row| row.errors.get(i).copied()).collect());
         let allowed = i > 0 || block.case.allow.is_none_or(|most| worst <= most);
