@@ -125,24 +125,25 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     let mut stage = cheap_stage();
     let drawn = |stage: &mut Stage| {
         let shown = shown(stage);
-        // Hidden patches are only removed while culling is not frozen.
+        // Hidden patches are drawn while culling is frozen, and removed otherwise. They are counted in both cases.
         let report = &shown.picture.report;
         (report.drawn.clone(), report.patches + report.culled.hidden)
     };
     let start = pose(&mut stage);
-    let away = Pose { yaw: (start.yaw + PI).rem_euclid(TAU), ..start };
+    // Turning changes the patches, and moving changes the nodes.
+    let away = Pose { yaw: (start.yaw + PI).rem_euclid(TAU), position: start.position + DVec3::new(300.0, 0.0, 0.0), ..start };
     go(&mut stage, away);
     let other = drawn(&mut stage);
     go(&mut stage, start);
     let before = drawn(&mut stage);
-    assert!(other != before, "without frozen culling, the nodes must follow the camera");
+    assert!(other.0 != before.0 && other.1 != before.1, "without frozen culling, nodes and patches must follow the camera");
     assert!(!says(&stage, "culling frozen"));
 
     take(&mut stage, "key C");
     assert_eq!(stage.model().culled_from, Some(start));
     assert!(drawn(&mut stage) == before && says(&stage, "culling frozen"), "{:?}", stage.names());
     go(&mut stage, away);
-    assert!(drawn(&mut stage) == before, "the nodes of the previous view must still be drawn");
+    assert!(drawn(&mut stage) == before, "the nodes and patches of the previous view must still be drawn");
     take(&mut stage, "click Machine");
     assert!(says(&stage, "yellow camera"), "{:?}", stage.names());
 
@@ -256,7 +257,7 @@ fn stand(model: &mut Model) {
     model.settings.scale = 0.2;
 }
 
-/// Creates a window with a separate drawing thread. Other tests do not share this thread, because the tests of this file open other scenes.
+/// Creates a window with its own drawing thread. No other test shares this thread, because the tests that call this function open other scenes.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);
@@ -301,7 +302,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     take(&mut stage, "click Undo");
     assert_eq!(name(&mut stage), "other");
 
-    // A file that is not a scene is refused in one line, and nothing changes.
+    // A file that is not a scene is refused with an error of one line, and nothing changes.
     let broken = folder.write("broken.toml", "name = ");
     let error = open(&mut stage, &broken).expect_err("no scene");
     assert!(error.contains("broken.toml") && !error.contains('\n') && says(&stage, &error), "{error}");

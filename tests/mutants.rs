@@ -87,7 +87,7 @@ struct StageTests {
     first: BTreeMap<String, Vec<String>>,
 }
 
-/// The Rust files that `make mutants-rust` changes if `FILE` is not given.
+/// The Rust files that `make mutants-rust` changes if its variable `FILE` is not set.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct References {
@@ -360,7 +360,7 @@ const SPOILT: [Spoilt; 3] = [
     },
     Spoilt {
         what: "computes NaN",
-        lines: "positions[row * frame.size.x + first].x = sqrt(f32(motion.lags) - 100.0);",
+        lines: "positions[row * frame.size.x + x].x = sqrt(f32(motion.lags) - 100.0);",
         is_expected: |end| matches!(end, End::Failed(_)),
     },
     Spoilt {
@@ -393,7 +393,7 @@ fn run(args: &Args) -> Result<()> {
     let known: Vec<&str> = strength.stage.keys().map(String::as_str).collect();
     let all = files();
     for stage in &args.stages {
-        ensure!(all.iter().any(|file| stage_of(file) == stage), "`{stage}` holds no WGSL: the stages are {}", known.join(", "));
+        ensure!(all.iter().any(|file| stage_of(file) == stage), "`{stage}` contains no WGSL files; the stages are {}", known.join(", "));
         ensure!(
             strength.stage.get(stage).is_some_and(|tests| tests.tests.iter().any(|group| !group.is_empty())),
             "stage `{stage}` has no tests: add [stage.{stage}] to tests/strength.toml"

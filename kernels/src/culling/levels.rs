@@ -9,7 +9,7 @@ use crate::quadtree::{COARSE_STRIDES, PatchBounds, patch_box};
 use crate::view::camera::View;
 use crate::world::{Layout, NodeId, SECTORS};
 
-/// Log2 of the largest vertex stride of a patch, with which it consists of two triangles.
+/// Log2 of the largest vertex stride of a patch. With this stride, a patch consists of two triangles.
 pub const LOG2_LARGEST_STRIDE: u32 = PATCH_QUADS.ilog2();
 const _: () = assert!(COARSE_STRIDES[COARSE_STRIDES.len() - 1] == PATCH_QUADS);
 
@@ -22,7 +22,7 @@ pub struct Levels {
     sectors: Vec<u32>,
 }
 
-/// A side of a patch. The value is the position of its delta in the packed deltas: 4 bits each.
+/// A side of a patch. The value is the position of the side's delta in the packed deltas, in units of 4 bits.
 #[derive(Clone, Copy)]
 enum Side {
     West,
@@ -45,9 +45,10 @@ impl Side {
 }
 
 impl Levels {
-    /// `log2_stride`: log2 of the vertex stride that a patch should have, 0 to 4, by the index of its node, its column and its row. `log2_least`: log2 of
-    /// the least stride, 0 to 2. The stride of a patch is lowered where a neighbour would otherwise weld its vertices over more than one patch. It is
-    /// never below the least stride.
+    /// The levels of the patches of `nodes`. `log2_stride` returns log2 of the vertex stride that a patch should have, 0 to 4; its arguments are the
+    /// index of the node, and the column and row of the patch. `log2_least`: log2 of the least stride, 0 to 2. A stride is lowered, but not below the
+    /// least stride, if it would weld the vertices of a finer node over more than one patch of that node. If the least stride does so too, all
+    /// patches of the finer node have the least stride.
     pub fn new(nodes: &[NodeId], log2_least: u8, log2_stride: impl Fn(usize, [u32; 2]) -> u8) -> Levels {
         let side = usize::from(SECTORS);
         let mut levels = Levels { nodes: nodes.iter().map(|&node| (node, Vec::new())).collect(), sectors: vec![0; side * side] };
@@ -68,10 +69,12 @@ impl Levels {
         let coarsest_level = |index: usize, node: NodeId| {
             let least = node.lod + log2_least;
             if ends[index][1] + log2_least > node.lod + log2_quads {
-                // The vertices of this node are welded over more than one patch. This makes no cracks if all of its patches have the same stride.
+                // A neighbour is so coarse that vertices of this node are welded over more than one patch. This makes no cracks if all patches of
+                // this node have the same stride.
                 return least;
             }
-            // A side is shared by a patch, by the coarser patch beyond the side, and by all patches along the side of the coarser patch.
+            // A side has one level for the patch, for the coarser patch beyond the side, and for all patches along the side of the coarser patch. So
+            // the finest LOD is that of this node, its neighbours and their neighbours.
             let finest = levels.around(node).map(|next| ends[next][0]).fold(ends[index][0], u8::min);
             least.max(finest + log2_quads)
         };
@@ -84,9 +87,9 @@ impl Levels {
         levels
     }
 
-    /// The levels for a view. Of the strides 1, 2, 4, 8 and 16, a patch has the largest one up to which all strides move its surface by at most
-    /// `error_px` pixels on the screen, but at least the stride 2^`log2_least`. With an error of 0, all patches have this stride. The shift of a patch is
-    /// bounded by its error ([`PatchBounds::errors_m`]) and by [`View::shift_px_per_m`].
+    /// The levels for a view. [`Levels::new`] gets for each patch the largest of the strides 1, 2, 4, 8 and 16 such that this stride and all smaller
+    /// strides move the surface of the patch by at most `error_px` pixels on the screen. With an error of 0, all patches have the least stride,
+    /// 2^`log2_least`. The bound of the shift on the screen is the error of the patch ([`PatchBounds::errors_m`]) times [`View::shift_px_per_m`].
     ///
     /// [`PatchBounds::errors_m`]: crate::quadtree::PatchBounds::errors_m
     pub fn of(nodes: &[DrawnNode<'_>], layout: &Layout, eye: &View, log2_least: u8, error_px: f64) -> Levels {
@@ -96,9 +99,12 @@ impl Levels {
             .map(|drawn| {
                 let patches = (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| [column, row]));
                 let log2_stride = |(patch, bounds): ([u32; 2], &PatchBounds)| {
+                    if error_px <= 0.0 {
+                        return 0;
+                    }
                     let (low, high) = patch_box(drawn.node, patch, bounds.height_m, layout, eye);
                     let allowed_m = error_px / eye.shift_px_per_m(low, high);
-                    bounds.errors_m.iter().take_while(|&&error_m| error_px > 0.0 && error_m <= allowed_m).count() as u8
+                    bounds.errors_m.iter().take_while(|&&error_m| error_m <= allowed_m).count() as u8
                 };
                 patches.zip(drawn.patches).map(log2_stride).collect()
             })
@@ -111,8 +117,8 @@ impl Levels {
         u32::from(self.level(node, patch).map_or(0, |level| level - node.lod))
     }
 
-    /// The packed deltas of a patch: 4 bits for each side, north << 12 | east << 8 | south << 4 | west. A delta is the level of the side minus the LOD
-    /// of the node. It is 0 where this level is that of the patch.
+    /// The packed deltas of a patch: 4 bits for each side, north << 12 | east << 8 | south << 4 | west. A delta is the level of the side minus the
+    /// LOD of the node. It is 0 if the side has the level of the patch, and for a node that is not drawn.
     pub fn deltas(&self, node: NodeId, patch: [u32; 2]) -> u32 {
         let Some(own) = self.level(node, patch) else { return 0 };
         let delta = |side| match self.side_level(node, patch, side) {
@@ -122,8 +128,8 @@ impl Levels {
         Side::ALL.into_iter().map(|side| delta(side) << (4 * side as u32)).sum()
     }
 
-    /// Whether stitching moves vertices out of a patch, because the vertices on one of its sides are farther apart than the patch is wide. `deltas`: of
-    /// the patch.
+    /// Whether stitching moves vertices out of a patch, because the vertices on one of its sides are farther apart than the patch is wide.
+    /// `deltas`: the packed deltas of the patch.
     pub fn reaches_out(deltas: u32) -> bool {
         (0..4).any(|side| (deltas >> (4 * side)) & 15 > LOG2_LARGEST_STRIDE)
     }
@@ -134,8 +140,8 @@ impl Levels {
         (*found == node).then(|| levels[(row * PATCHES + column) as usize])
     }
 
-    /// The level of a side: the coarsest level of all patches that meet there. If the neighbour is a coarser node, these are all patches along the side
-    /// of the coarser patch. So every patch at the side gets the same result. `None` = the node is not drawn.
+    /// The level of a side: the coarsest level of all patches that meet there. If the neighbour is a coarser node, these are all patches along the
+    /// side of the coarser patch. So every patch at the side gets the same result. `None` = the node is not drawn.
     fn side_level(&self, node: NodeId, patch: [u32; 2], side: Side) -> Option<u8> {
         // Positions are measured in patches of LOD 0.
         let edge = 1i64 << node.lod;

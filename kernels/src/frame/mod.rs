@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
@@ -9,6 +10,7 @@ use crate::base::section::{Section, mebibytes, row};
 use crate::classification;
 use crate::composition::{Composition, Layers};
 use crate::culling::{self, Conditions, CullCounts, Culled, DrawnNode, Levels};
+use crate::geometry::surface::Surface;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
@@ -107,6 +109,16 @@ struct Drawn {
     patches: usize,
     triangles: usize,
     culled: CullCounts,
+}
+
+/// The nodes of a frame.
+struct Selected {
+    /// All visited nodes; they are resident.
+    visited: Vec<NodeId>,
+    /// The nodes to draw.
+    drawn: Vec<NodeId>,
+    /// The levels of their patches.
+    levels: Levels,
 }
 
 impl<'a> Renderer<'a> {
@@ -254,17 +266,21 @@ impl<'a> Renderer<'a> {
         let key = request.geometry_key();
         // If the geometry is reused, no nodes are loaded.
         let mut loaded = 0;
+        let mut selection_ms = 0.0;
         let mut listed = None;
         let mut drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
             Some(drawn) => drawn,
             None => {
                 // Stages `quadtree` and `residency`: select the nodes and load their payloads. Stage `culling`: select the patches.
-                let eye = request.geometry.culled_from.map_or(view, |pose| self.view(&request.with(|r| r.view.pose = pose)));
-                let (visited, nodes, levels, culled) = self.visible_patches(request, &view, &eye)?;
-                loaded = self.streaming.loaded();
+                let began = Instant::now();
+                let eye = self.eye(request);
+                let selected = self.select(request, &eye)?;
+                let culled = self.visible_patches(request, &selected, [&view, &eye]);
+                loaded = self.streaming.take_loaded();
                 // Stage `geometry`: write depth, stencil, mask and normals.
                 let hides = request.geometry.culls.hides() && request.geometry.culled_from.is_none();
                 let list = self.stages.geometry.list(gpu, &culled, hides);
+                selection_ms = began.elapsed().as_secs_f64() * 1e3;
                 self.stages.geometry.encode(&mut rec, &list, 0, &targets.geometry);
                 // Stage `occlusion`: drop the patches that are hidden by what was drawn, phase by phase.
                 for phase in 1..list.phases {
@@ -273,9 +289,9 @@ impl<'a> Renderer<'a> {
                 }
                 let drawn = Drawn {
                     key,
-                    visited,
-                    nodes,
-                    levels: Arc::new(levels),
+                    visited: selected.visited,
+                    nodes: selected.drawn,
+                    levels: Arc::new(selected.levels),
                     patches: culled.patches.len(),
                     triangles: 0,
                     culled: culled.counts,
@@ -322,6 +338,7 @@ impl<'a> Renderer<'a> {
 
         let report = FrameReport {
             passes: rec.finish()?,
+            selection_ms,
             visited: drawn.visited.len(),
             loaded,
             edited: std::mem::take(&mut self.edited),
@@ -347,10 +364,10 @@ impl<'a> Renderer<'a> {
         let mut sections = vec![
             Section {
                 name: "Nodes and patches",
-                about: "Quadtree, culling and occlusion: nodes are visited from the coarsest down, and each drawn node is divided into 8 x 8 patches of 16 x 16 quads",
+                about: "Quadtree, culling and occlusion: nodes are visited from the coarsest down, and each selected node is divided into 8 x 8 patches of 16 x 16 quads",
                 rows: vec![
                     row("Nodes visited", drawn.visited.len()),
-                    row("Nodes drawn", drawn.nodes.len()),
+                    row("Nodes selected", drawn.nodes.len()),
                     row("Patches drawn", drawn.patches),
                     row("Triangles drawn", drawn.triangles),
                     row("Patches outside the frustum", drawn.culled.outside),
@@ -440,9 +457,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, the levels of
-    /// their patches, and the patches that may be visible from `eye`, in the local coordinates of `view`.
-    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Levels, Culled)> {
+    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the levels of their patches.
+    fn select(&mut self, request: &RenderRequest, eye: &View) -> Result<Selected> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
         let done = AtomicU64::new(0);
@@ -455,22 +471,50 @@ impl<'a> Renderer<'a> {
         })?;
         let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
         self.terrain.update(gpu, slots);
-        let drawn: Vec<_> = selection
-            .drawn
-            .iter()
-            .filter_map(|&node| {
-                let (slot, bounds) = self.streaming.get(node)?;
-                Some(DrawnNode { node, slot, bounds, patches: self.streaming.patches(node) })
-            })
-            .collect();
         let GeometryRequest { vertex_stride, error_px, .. } = request.geometry;
-        let layout = self.world.layout();
-        let levels = Levels::of(&drawn, layout, eye, vertex_stride.ilog2() as u8, error_px);
-        let conditions =
-            Conditions { layout, levels: &levels, rounding_m: self.world.elevation_rounding_m(), culls: request.geometry.culls };
-        let culled = culling::cull(&drawn, [view, eye], conditions);
-        let drawn = drawn.into_iter().map(|drawn| drawn.node).collect();
-        Ok((selection.visited, drawn, levels, culled))
+        let nodes = self.nodes_of(&selection.drawn);
+        let levels = Levels::of(&nodes, self.world.layout(), eye, vertex_stride.ilog2() as u8, error_px);
+        Ok(Selected { visited: selection.visited, drawn: selection.drawn, levels })
+    }
+
+    /// The slots and bounds of nodes that are resident.
+    fn nodes_of(&self, nodes: &[NodeId]) -> Vec<DrawnNode<'_>> {
+        let resident = |&node: &NodeId| {
+            let (slot, bounds) = self.streaming.get(node)?;
+            Some(DrawnNode { node, slot, bounds, patches: self.streaming.patches(node) })
+        };
+        nodes.iter().filter_map(resident).collect()
+    }
+
+    /// The patches of selected nodes that may be visible from `eye`, in the local coordinates of `view`.
+    fn visible_patches(&self, request: &RenderRequest, selected: &Selected, [view, eye]: [&View; 2]) -> Culled {
+        let conditions = Conditions {
+            layout: self.world.layout(),
+            levels: &selected.levels,
+            rounding_m: self.world.elevation_rounding_m(),
+            culls: request.geometry.culls,
+        };
+        culling::cull(&self.nodes_of(&selected.drawn), [view, eye], conditions)
+    }
+
+    /// Elevation of the ground as the request draws it at the world position (`x`, `y`), metres: with its nodes, vertex strides and stitching.
+    /// [`Renderer::ground_m`] has all vertices of the finest LOD instead. `None` = the request draws no ground there. Nodes that are not resident are
+    /// loaded. The geometry of the last frame cannot be reused after this call.
+    ///
+    /// # Errors
+    /// When [`RenderRequest::check`] refuses the request, the view needs more nodes than fit in the atlases, or the device fails.
+    pub fn drawn_ground_m(&mut self, request: &RenderRequest, x: f64, y: f64) -> Result<Option<f64>> {
+        request.check(&self.gpu.device.limits(), self.options.tile)?;
+        // The selection may replace nodes that the last frame used, so its geometry cannot be reused.
+        self.drawn = None;
+        let eye = self.eye(request);
+        let Selected { drawn, levels, .. } = self.select(request, &eye)?;
+        Ok(Surface { world: &self.world, drawn: &drawn, levels: &levels }.height_m(x, y))
+    }
+
+    /// The view from which the request selects and culls.
+    fn eye(&self, request: &RenderRequest) -> View {
+        request.geometry.culled_from.map_or_else(|| self.view(request), |pose| self.view(&request.with(|r| r.view.pose = pose)))
     }
 
     /// Builds the pipelines that a request needs and returns their keys. `tiles`: the number of tiles in the generic kernel's list and in the 31
@@ -503,7 +547,8 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // A frame without lighting is internal and never displayed, so only lit frames report their pipelines as those of the displayed view.
+        // Frames without lighting are never displayed. So only the pipelines of lit frames are recorded as those of the displayed view, which a
+        // reload of the shaders builds at once.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }

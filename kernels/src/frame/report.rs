@@ -15,21 +15,24 @@ use crate::world::NodeId;
 pub struct FrameReport {
     /// Time of each pass on the device. The times of passes of the same name are added.
     pub passes: Vec<PassTime>,
-    /// Number of nodes visited: the nodes drawn, and their ancestors in the quadtree.
+    /// Wall-clock time in which the CPU selected, loaded and culled nodes and uploaded the list of patches, milliseconds; 0 if the geometry of the last
+    /// frame was reused.
+    pub selection_ms: f64,
+    /// Number of nodes visited: the nodes selected for drawing, and their ancestors in the quadtree.
     pub visited: usize,
     /// Number of nodes that were not resident and were therefore baked for this frame.
     pub loaded: usize,
     /// Counts of the nodes and texture layers that were rebuilt since the previous frame, because the scene was edited.
     pub edited: EditCounts,
-    /// Number of nodes drawn.
+    /// Number of nodes selected for drawing, including those outside the frustum.
     pub nodes: usize,
     /// Number of patches drawn.
     pub patches: usize,
     /// Number of triangles drawn, including those outside the picture and those that face away.
     pub triangles: usize,
-    /// Numbers of the patches of drawn nodes that were not drawn.
+    /// Numbers of the patches of selected nodes that were not drawn.
     pub culled: CullCounts,
-    /// The nodes drawn; they do not overlap.
+    /// The nodes selected for drawing; they cover the ground and do not overlap.
     pub drawn: Vec<NodeId>,
     /// The levels of their patches.
     pub levels: Arc<Levels>,

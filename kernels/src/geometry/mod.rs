@@ -1,5 +1,5 @@
-//! Geometry pass: draws the visible patches in phases, with one indirect draw for each vertex stride, into depth, stencil, classification mask and two
-//! normals.
+//! Geometry pass: draws the visible patches in phases, with one indirect draw for each vertex stride, into depth, stencil, classification mask and
+//! two normals.
 //!
 //! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
 //! `near / distance`), stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane).
@@ -26,6 +26,7 @@ use crate::world::NODE_QUADS;
 use crate::world::payload::diagonal_rises;
 
 pub mod reference;
+pub mod surface;
 
 /// Render targets of the geometry pass. All have the size of the picture.
 pub struct Targets {
@@ -73,7 +74,8 @@ struct Ground {
     has_edge: bool,
 }
 
-/// The least vertex strides that can be asked for. A stride of n draws every n-th vertex along the side of a patch.
+/// Accepted values of the setting `frame.vertex_stride`, the least vertex stride of all patches. A stride of n draws every n-th vertex along the side
+/// of a patch.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// WGSL functions for stitching, which need no bindings.
@@ -195,8 +197,8 @@ impl Geometry {
         self.exact.get_or_init(|| pipeline(gpu, &self.shader, &self.pipeline_layout, self.ground, normals))
     }
 
-    /// Uploads the patches to draw. `culled`: the patches and their boxes. `occlusion`: whether they are drawn in phases, between which hidden patches
-    /// are removed.
+    /// Uploads the patches to draw. `culled`: the patches and their boxes. `occlusion`: whether the patches are drawn in phases, between which hidden
+    /// patches are removed.
     pub fn list(&self, gpu: &Gpu, culled: &Culled, occlusion: bool) -> PatchList {
         let Batches { batches, patches, phases } = Batches::of(&culled.log2_strides, if occlusion { &PHASE_ENDS } else { &[] });
         // Occlusion culling writes the numbers of instances of all phases but the first.
@@ -265,18 +267,18 @@ impl Geometry {
 /// Number of words of the arguments of an indirect draw with indices.
 pub const ARGUMENT_WORDS: u32 = 5;
 
-/// The least number of patches of a phase after the first.
+/// The least number of patches of the last phase, if there are several phases.
 const LEAST_OF_PHASE: u32 = 64;
 
 /// The order of the patches of a batch begins at a multiple of this number of elements, because a binding must begin at a multiple of 256 bytes.
 const ORDER_STEP: u32 = 64;
 
-/// The ends of the phases but the last, as shares of the patches. With four phases (0.1, 0.25, 0.5), more patches are culled, but software Vulkan then
-/// takes longer with the camera `ground`, because each phase costs a pyramid and loads the targets again.
+/// The ends of all phases except the last, as shares of the patches. With four phases (0.1, 0.25, 0.5), more patches are culled, but software Vulkan
+/// then takes longer with the camera `ground`, because each further phase builds a depth pyramid and loads the targets again.
 const PHASE_ENDS: [f64; 1] = [0.25];
 
-/// Divides patches into phases. `ends`: the ends of the phases but the last, as shares of the patches. There is always a first phase, which may have
-/// no patch; each other phase has at least [`LEAST_OF_PHASE`] patches.
+/// Divides patches into phases. `ends`: the ends of all phases except the last, as shares of the patches. An end is skipped if fewer than
+/// [`LEAST_OF_PHASE`] patches would follow it. There is always at least one phase; without patches, it is empty.
 fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     let mut phases = Vec::new();
     let mut start = 0;
@@ -298,11 +300,11 @@ pub struct Batch {
     pub phase: u32,
     /// Log2 of the vertex stride.
     pub log2_stride: u32,
-    /// Index of the first patch.
+    /// Index of the first patch in the uploaded list, in which the patches of a batch follow each other.
     pub first: u32,
     /// Number of patches.
     pub count: u32,
-    /// Index in the order of drawing at which the patches of the batch begin.
+    /// Index in [`PatchList::order`] at which the patches of the batch begin.
     pub order: u32,
 }
 
@@ -316,8 +318,8 @@ struct Batches {
 }
 
 impl Batches {
-    /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, the nearest patch first. In a batch, the order
-    /// of the patches is kept.
+    /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, the nearest patch first. In a batch, the
+    /// order of the patches is kept.
     fn of(log2_strides: &[u32], ends: &[f64]) -> Batches {
         let mut out = Batches { batches: Vec::new(), patches: Vec::new(), phases: 0 };
         let mut order = 0u32;
@@ -363,7 +365,7 @@ impl PatchList {
     /// Returns the numbers of patches and of triangles that were drawn. The commands of the last phase must have been submitted before.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost or reported an error.
     pub fn read_drawn(&self, gpu: &Gpu) -> Result<[u32; 2]> {
         let words: Vec<u32> =
             bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.arguments, self.batches.len() as u64 * u64::from(ARGUMENT_WORDS) * 4)?);

@@ -12,10 +12,11 @@
 //! weights in the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
-use crate::culling::{Levels, PATCH_QUADS, PATCHES};
+use crate::culling::Levels;
 use crate::frame::picture::AovSet;
 use crate::frame::{Frame, RenderRequest, Renderer, VariantChoice};
-use crate::geometry::reference::{place, stitch, vertex};
+use crate::geometry::reference::{place, vertex};
+use crate::geometry::surface::{NodeTriangle, Surface, inside_m, triangles_near};
 use crate::gpu::read_texture;
 use crate::scene::{Blend, Scene};
 use crate::shading::{Estimator, salt};
@@ -25,9 +26,8 @@ use crate::shared::{biplanar, select, triplanar};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
 use crate::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
-use crate::world::payload::diagonal_rises;
-use crate::world::{LODS, Layout, NodeId, World};
-use glam::{DVec2, DVec3};
+use crate::world::{NodeId, World};
+use glam::DVec3;
 
 /// Layers that are read from the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
@@ -200,9 +200,11 @@ pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
     view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
 }
 
-/// Inspects a pixel of the last picture, which must have been drawn by `request` and shaded at the centres of pixels. Returns `None` for sky.
+/// Inspects a pixel of the picture that `request` draws. The sample pattern of the request must be `Centre`, because the exact values are those at
+/// the centre of the pixel. Returns `None` for sky.
 ///
-/// The geometry is shaded once more, by shaders that record choices. These shaders are compiled at the first call.
+/// The picture is shaded once more, by shaders that record choices. These shaders are compiled at the first call. If the last picture has the same
+/// geometry, the geometry is not drawn again.
 ///
 /// # Errors
 /// When the pixel lies outside the picture or the device fails.
@@ -347,70 +349,18 @@ impl Spot {
     fn triangle(&self, world: &World, drawn: &[NodeId], levels: &Levels) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
-        let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
-        let normal = |near: Near| {
+        let node = Surface { world, drawn, levels }.node_at(at)?;
+        let normal = |near: NodeTriangle| {
             let [a, b, c] = near.corners.map(|corner| vertex(world, node, corner));
             let normal = (b - a).cross(c - a).try_normalize()?;
             (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some((normal, near.stride))
         };
-        let inside = |near: &Near| inside_m(near.corners.map(|corner| place(world, node, corner)), at) >= -self.beside_m;
+        let inside = |near: &NodeTriangle| inside_m(near.corners.map(|corner| place(world, node, corner)), at) >= -self.beside_m;
         let holding = triangles_near(node, layout, levels, at).into_iter().filter(inside);
         let likeness = |(normal, _): &(DVec3, u32)| normal.dot(self.normal);
         let (normal, stride) = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
         Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod) * f64::from(stride), normal: normal.to_array() })
     }
-}
-
-/// A triangle of a node.
-struct Near {
-    /// Indices of its vertices, already stitched, in counter-clockwise order if seen from above.
-    corners: [[u32; 2]; 3],
-    /// The vertex stride of its patch.
-    stride: u32,
-}
-
-/// Returns the triangles of a node near a position: those of the quads next to the position. If the position is next to a side of a patch, the
-/// triangles of all quads along that side are included, because stitching moves vertices along sides. If it moves vertices out of a patch, all triangles
-/// of the patch are included.
-fn triangles_near(node: NodeId, layout: &Layout, levels: &Levels, at: DVec2) -> Vec<Near> {
-    let at = (at - node.origin_m(layout)) / layout.spacing_m(node.lod);
-    let mut triangles = Vec::new();
-    for patch in (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| [column, row])) {
-        let (first, deltas, stride) = (patch.map(|n| n * PATCH_QUADS), levels.deltas(node, patch), 1 << levels.log2_stride(node, patch));
-        let reaches_out = Levels::reaches_out(deltas);
-        let edge = f64::from(stride);
-        let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 * edge - at).abs() <= 1.5 * edge;
-        let is_outermost = |quad: u32, first: u32| quad == first || quad == first + PATCH_QUADS - stride;
-        let is_beside = |k: usize, at: f64| (f64::from(first[k]) - edge..=f64::from(first[k] + PATCH_QUADS) + edge).contains(&at);
-        if !(reaches_out || is_beside(0, at.x) && is_beside(1, at.y)) {
-            continue;
-        }
-        for j in (first[1]..first[1] + PATCH_QUADS).step_by(stride as usize) {
-            for i in (first[0]..first[0] + PATCH_QUADS).step_by(stride as usize) {
-                let along = [is_near(i, at.x) || is_outermost(j, first[1]), is_near(j, at.y) || is_outermost(i, first[0])];
-                if !(reaches_out || along[0] && along[1]) {
-                    continue;
-                }
-                let corner = |x: u32, y: u32| stitch([i + x * stride, j + y * stride], first, PATCH_QUADS, deltas);
-                let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-                let rises = diagonal_rises(((i - first[0]) / stride) as usize, ((j - first[1]) / stride) as usize);
-                let two = if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] };
-                triangles.extend(two.map(|corners| Near { corners, stride }));
-            }
-        }
-    }
-    triangles
-}
-
-/// Returns the signed distance, in metres, from a point to the nearest side of a counter-clockwise triangle. It is negative if the point is outside
-/// the triangle, and negative infinity if the triangle has no area.
-fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
-    let [a, b, c] = triangle;
-    if (b - a).perp_dot(c - a) <= 0.0 {
-        return f64::NEG_INFINITY;
-    }
-    let beyond = |from: DVec2, to: DVec2| (to - from).perp_dot(point - from) / (to - from).length();
-    beyond(a, b).min(beyond(b, c)).min(beyond(c, a))
 }
 
 /// The flavour that draws the first random number of a pixel.
@@ -482,6 +432,8 @@ impl Page {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use crate::scene;
     use crate::shared::derivatives::on_plane;
 
@@ -521,42 +473,6 @@ mod tests {
         assert_eq!(step_on_plane(DVec3::Y, DVec3::new(0.0, 0.0, 1e-3), 10.0, [0.0, -1e-4, 1.0]), None);
         let unknown = Derivative { shader: [1.0; 3], exact: None };
         assert_eq!((unknown.error(), unknown.mips()), (None, None));
-    }
-
-    #[test]
-    fn triangles_cover_a_node_once_also_where_borders_are_welded() {
-        let layout = Layout::of(10_240.0, None);
-        let south_west = NodeId { lod: 2, x: 7, y: 7 };
-        // One neighbour is one level or five levels coarser; five levels coarser, its vertices are farther apart than the edge of a patch. The other
-        // neighbour is two levels coarser. The neighbours lie to the east and south of the first node, and to the north and west of the second.
-        let of_node = |node: NodeId| [1, 5].map(|lod| [node, south_west, NodeId { lod, x: 32 >> lod, y: 32 >> lod }]);
-        for nodes in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }].into_iter().flat_map(of_node) {
-            for i in 0..800 {
-                let node = nodes[0];
-                let log2_least = (i % 3) as u8;
-                let of_patch = |node: usize, [column, row]: [u32; 2]| (unit(i, 40 + 8 * row + column + node as u32) * 5.0) as u8;
-                let levels = Levels::new(&nodes, log2_least, of_patch);
-                let stride = 1 << (log2_least + [0, 2][i as usize / 3 % 2]);
-                // Half of the coordinates lie in the outermost quads.
-                let along = |k: u32| {
-                    let u = unit(i, k);
-                    let share = if (i + k).is_multiple_of(2) {
-                        u
-                    } else {
-                        (2.0 * u).floor() * (1.0 - f64::from(stride) / 128.0) + f64::from(stride) * u / 128.0
-                    };
-                    share * layout.node_m(0)
-                };
-                let at = node.origin_m(&layout) + DVec2::new(along(0), along(1));
-                let position =
-                    |[x, y]: [u32; 2]| node.origin_m(&layout) + DVec2::new(f64::from(x), f64::from(y)) * layout.spacing_m(node.lod);
-                let triangles = triangles_near(node, &layout, &levels, at);
-                let inside: Vec<f64> = triangles.into_iter().map(|near| inside_m(near.corners.map(position), at)).collect();
-                let on_a_side = inside.iter().any(|m| m.abs() < 1e-6);
-                let holding = inside.iter().filter(|m| **m > 0.0).count();
-                assert!(holding == 1 || on_a_side, "{holding} triangles at {at}");
-            }
-        }
     }
 
     #[test]

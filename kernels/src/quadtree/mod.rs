@@ -1,5 +1,6 @@
-//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is visible and close to the camera.
-//! The nodes of a level are loaded before any of them is split.
+//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is close to the camera. The nodes of
+//! a level are loaded before any of them is split. The selection does not depend on the direction of the camera. So turning the camera loads no nodes,
+//! and no cached page of the virtual texture has to be rendered again. The stage `culling` drops what is outside the frustum.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
@@ -29,7 +30,7 @@ pub struct PatchBounds {
     /// Lowest and highest elevation of the patch's vertices, metres, before any stitching.
     pub height_m: [f64; 2],
     /// For each of [`COARSE_STRIDES`], the largest error of the patch's surface with this vertex stride, metres ([`stride_errors`]). Infinite if the
-    /// patch has a hole or reaches beyond the data, because other vertices would change the hole or the edge.
+    /// patch has a hole or reaches beyond the data, because drawing fewer vertices would change the outline of the hole or of the data.
     pub errors_m: [f64; COARSE_STRIDES.len()],
     /// Contains the normals of the patch's triangles, before any stitching and at vertex stride 1.
     pub cone: Cone,
@@ -64,14 +65,14 @@ impl PatchBounds {
 pub struct Selection {
     /// All visited nodes, coarse before fine. They must all be resident.
     pub visited: Vec<NodeId>,
-    /// The nodes to draw. They cover the visible ground and do not overlap.
+    /// The nodes to draw. They cover the whole ground and do not overlap.
     pub drawn: Vec<NodeId>,
 }
 
-/// Largest height of a quad on the screen, pixels, without a LOD bias. A visible node is split if, at its point nearest to the camera, a quad would
-/// be taller than this. The bounds of [`SPLIT_RATIO`] take precedence over this limit.
+/// Largest height of a quad on the screen, pixels, without a LOD bias. A node is split if, at its point nearest to the camera, a quad would be taller
+/// than this. The bounds of [`SPLIT_RATIO`] take precedence over this limit.
 pub const QUAD_PX: f64 = 2.5;
-/// Bounds of the split ratio: a visible node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
+/// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound applies before the LOD bias. Without it, small pictures would have coarse nodes near the camera, and the splat texels of
 /// these nodes would be coarse, too. The upper bound limits the number of nodes in large pictures, because the resident nodes must fit in
 /// the atlases.
@@ -120,25 +121,15 @@ pub fn select<E>(
     let layout = world.layout();
     let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    // Nodes outside the view stay coarse or are not loaded, so there are cracks where they border visible nodes. The margin makes sure that these
-    // cracks lie outside the picture.
-    let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
-        let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
-        view.sees(low - margin, high + margin)
-    };
-    // Until a root is loaded, only the height range of the whole world is known.
-    let (low_m, high_m) = world.height_range_m();
-    let anywhere = NodeBounds { height_m: [low_m, high_m] };
-    let mut level: Vec<NodeId> = NodeId::roots().filter(|&n| world.exists(n) && sees(n, local_box(n, anywhere, layout, view))).collect();
+    let mut level: Vec<NodeId> = NodeId::roots().filter(|&node| world.exists(node)).collect();
     while !level.is_empty() {
         let bounds = load(&level)?;
         selection.visited.extend_from_slice(&level);
         let mut next = Vec::new();
         for (&node, &bounds) in level.iter().zip(&bounds) {
             let (low, high) = local_box(node, bounds, layout, view);
-            let nearest = view.camera.clamp(low, high);
-            let wanted = nearest.distance(view.camera) < ratio * layout.node_m(node.lod) && sees(node, (low, high));
-            let children: Vec<NodeId> = if wanted && node.lod > layout.finest_lod {
+            let is_near = view.camera.clamp(low, high).distance(view.camera) < ratio * layout.node_m(node.lod);
+            let children: Vec<NodeId> = if is_near && node.lod > layout.finest_lod {
                 node.children().into_iter().filter(|&c| world.exists(c)).collect()
             } else {
                 Vec::new()

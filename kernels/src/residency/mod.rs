@@ -48,7 +48,7 @@ pub struct Streaming {
     resident: HashMap<NodeId, Resident>,
     free: Vec<u32>,
     frame: u64,
-    /// Number of nodes baked since this frame began.
+    /// Number of nodes baked since the last call of [`Streaming::take_loaded`].
     loaded: usize,
     layers: u32,
     /// Whether the [`Ground`] and the [`Cover`] of each node are kept, so that materials can be placed again.
@@ -57,7 +57,7 @@ pub struct Streaming {
     revision: u64,
 }
 
-/// Which properties of the materials have changed.
+/// Which properties of the materials have changed. A palette index beyond the end of a list counts as changed.
 pub struct Changes {
     /// Whether the rules, the strokes or the list of materials changed, so that materials must be placed again.
     pub relaid: bool,
@@ -109,7 +109,12 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
         // The splat map is needed even if no flavour of the scene samples it, because errors are measured against the full blend.
-        node("node splat map", Format::R8Uint, SPLAT_SIDE, "cliffs, splat, pages, and the reference that errors are measured against"),
+        node(
+            "node splat map",
+            Format::R8Uint,
+            SPLAT_SIDE,
+            "cliffs, splat, pages, and the reference blend, against which errors are measured",
+        ),
     ]
 }
 
@@ -145,10 +150,10 @@ impl Streaming {
     /// Begins a frame. Nodes that the frame uses stay resident until the next frame begins.
     pub fn begin_frame(&mut self) {
         self.frame += 1;
-        self.loaded = 0;
     }
 
-    /// Makes `nodes` resident and returns their bounds in the same order. Nodes that are not resident yet are baked on worker threads.
+    /// Makes `nodes` resident and returns their bounds in the same order. Nodes that are not resident yet are baked on worker threads, which call
+    /// `on_baked` once per baked node.
     ///
     /// # Errors
     /// When one frame needs more nodes than there are slots.
@@ -240,9 +245,9 @@ impl Streaming {
         self.resident.is_empty()
     }
 
-    /// Number of nodes baked and uploaded since the frame began.
-    pub fn loaded(&self) -> usize {
-        self.loaded
+    /// Number of nodes baked and uploaded since the last call of this method.
+    pub fn take_loaded(&mut self) -> usize {
+        std::mem::take(&mut self.loaded)
     }
 
     /// How many nodes the atlases hold now, and how large the atlases are.
@@ -264,7 +269,7 @@ impl Streaming {
             self.resident.iter().filter(|(_, r)| r.used < self.frame).min_by_key(|(node, r)| (r.used, **node)).map(|(&node, _)| node);
         let Some(oldest) = oldest else {
             return Err(Error::Request(format!(
-                "this view needs more than {} terrain nodes at once; reduce the field of view or the height of the image",
+                "this view needs more than {} terrain nodes at once: raise frame.lod_bias, or reduce the height of the image",
                 self.layers - 1
             )));
         };

@@ -37,8 +37,14 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Drawn and read back",
-            "Wall-clock time from the start of drawing to the finished picture on the CPU, including the loading of terrain nodes",
+            "Wall-clock time from the start of drawing until all pictures are on the CPU. It includes loading terrain nodes, drawing B, inspecting a pixel, and live metrics.",
             format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
+        );
+        row(
+            ui,
+            "Selection and culling",
+            "Time in which the CPU selects, loads and culls terrain nodes",
+            format!("{:.1} ms", report.selection_ms),
         );
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
         row(ui, "Passes, device time", "Sum of the passes below, as measured by the device", format!("{device:.1} ms"));
@@ -74,7 +80,7 @@ fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
     Some([*sorted.get(sorted.len() / 2)?, *sorted.last()?])
 }
 
-/// A bar chart of the times from picture to picture.
+/// The times from picture to picture, in words and as a bar chart, and the times to draw the window, in words.
 fn times(model: &Model, ui: &mut Ui) {
     let Some([median, worst]) = median_and_longest(&model.times) else { return };
     ui.label(format!(

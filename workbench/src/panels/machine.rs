@@ -91,7 +91,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
             ("", "Colour of the level on the map"),
             ("Level", "0 is the finest"),
             ("Edge", "Length of an edge of a node"),
-            ("Nodes", "Number of nodes drawn in this frame"),
+            ("Nodes", "Number of nodes selected for this frame"),
             ("Texel", "Length of an edge of a texel of the albedo and normal atlases. A node has 128 texels and 128 quads along an edge."),
         ] {
             ui.label(name).on_hover_text(about);
@@ -222,10 +222,10 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and the part of the ground that it would see if the ground were flat",
+        "The selected nodes, coloured by level, with north at the top; the camera, its view direction, and the part of the ground that it would see if the ground were flat",
     );
     if frozen.is_some() {
-        ui.label("Culling is frozen: the nodes are those that the yellow camera sees.");
+        ui.label("Culling is frozen: the patches are those that the yellow camera sees.");
     }
 }
 
