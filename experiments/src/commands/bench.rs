@@ -27,17 +27,25 @@ use crate::metrics::{self, SHADING_PASS};
 use crate::process::{check_interrupted, watch_interrupts};
 use crate::rounds::{self, Estimate, Key, Plan, Samples, Timed, Turn, Wanted};
 
-// The three passes below are timed with the wall clock. Timestamps of the device are not used for these passes, because on a software adapter the
-// time between two timestamps includes waiting.
+mod flight;
+
+use flight::Flight;
+
+// The passes below are timed with the wall clock, except for a part of the last one. Timestamps of the device are not used, because on a software
+// adapter the time between two timestamps includes waiting.
 /// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
 /// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
 const READING: &str = "reading back (wall clock)";
 /// The time of measuring a frame with the metrics that compare the frames of a sequence.
 const MEASURING: &str = "measuring (wall clock)";
+/// The time of deciding what is drawn: the wall-clock time of selecting and culling nodes on the CPU, plus the device times of occlusion culling, which
+/// cannot be separated from the other passes by the wall clock. It is not measured on an adapter without timestamps.
+const DECIDING: &str = "deciding what is drawn";
 
+/// Whether a pass is measured in the rounds of the wall clock.
 fn is_wall_clock(pass: &str) -> bool {
-    [FRAME, READING, MEASURING].contains(&pass)
+    [FRAME, READING, MEASURING, DECIDING].contains(&pass)
 }
 
 /// The sum of the device times of a picture's passes.
@@ -53,6 +61,8 @@ const FRUSTUM_ONLY: &str = "frustum only";
 const HALF_A_PIXEL: &str = "geometry error of half a pixel";
 /// The sum of the device times of the passes of geometry and occlusion culling.
 const GEOMETRY: &str = "geometry and occlusion";
+/// The passes of occlusion culling.
+const OCCLUSION_PASS: &str = "occlusion";
 
 /// A way to draw the frame that is timed.
 struct Candidate {
@@ -63,8 +73,8 @@ struct Candidate {
     error_px: f64,
 }
 
-/// The ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants leave out one or all tests of culling; the last
-/// one draws fewer vertices.
+/// Returns the ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants have less culling; the last one
+/// draws fewer vertices.
 fn candidates() -> Vec<Candidate> {
     let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL, error_px: 0.0 };
     let without = |name, culls| Candidate { culls, ..of((name, VariantChoice::Auto)) };
@@ -87,9 +97,9 @@ struct Ratio {
     name: &'static str,
     /// Name in the text.
     words: &'static str,
-    /// Choice and pass of the time.
+    /// Candidate and pass of the numerator.
     of: (&'static str, &'static str),
-    /// Choice and pass of the time by which it is divided.
+    /// Candidate and pass of the denominator.
     over: (&'static str, &'static str),
     /// The target of the project for this ratio, as text.
     target: &'static str,
@@ -102,17 +112,17 @@ const fn shading(name: &'static str, words: &'static str, of: &'static str, over
     Ratio { name, words, of: (of, SHADING_PASS), over: (over, SHADING_PASS), target, is_share: false }
 }
 
-/// Returns a ratio of two times of the choice `auto`, which is printed in percent.
+/// Returns a ratio of two times of the candidate `auto`. The ratio is printed in percent.
 const fn share(name: &'static str, words: &'static str, of: &'static str, over: &'static str, target: &'static str) -> Ratio {
     Ratio { name, words, of: (AUTO, of), over: (AUTO, over), target, is_share: true }
 }
 
-/// Returns the ratio of the geometry times of `auto` and of a candidate with fewer tests of culling.
+/// Returns the geometry time of `auto`, divided by that of a candidate with less culling.
 const fn geometry(name: &'static str, words: &'static str, over: &'static str, target: &'static str) -> Ratio {
     Ratio { name, words, of: (AUTO, GEOMETRY), over: (over, GEOMETRY), target, is_share: false }
 }
 
-static RATIOS: [Ratio; 13] = [
+static RATIOS: [Ratio; 14] = [
     shading("splat_over_auto", "full splat / auto, shading", "splat", AUTO, "3"),
     shading("generic_over_auto", "generic kernel / auto, shading", GENERIC, AUTO, "above 1"),
     shading("splat_over_far_cliff", "full splat / far cliff, same pixels", "splat", "far-cliff", "3"),
@@ -132,6 +142,7 @@ static RATIOS: [Ratio; 13] = [
     },
     share("classification_share", "classification, share of the frame", "classification", ALL_PASSES, "below 10 %"),
     share("reading_share", "reading back / rendering a frame, wall clock", READING, FRAME, "below 5 %"),
+    share("pipeline_share", "selecting and culling / rendering a frame", DECIDING, FRAME, "at most 5 %"),
     share("measuring_share", "measuring / rendering a frame, wall clock", MEASURING, FRAME, "below 12 %"),
 ];
 
@@ -140,7 +151,7 @@ impl Ratio {
         is_wall_clock(self.of.1)
     }
 
-    /// Returns the keys of the two times; `None` if a choice has an unknown name. Only `auto`, the first choice, has times of the wall clock.
+    /// Returns the keys of the two times; `None` if a candidate has an unknown name. Only `auto`, the first candidate, has times of the wall clock.
     fn keys(&self) -> Option<[Key<'static>; 2]> {
         let key = |(name, pass): (&'static str, &'static str)| Some((candidates().iter().position(|other| other.name == name)?, pass));
         Some([key(self.of)?, key(self.over)?])
@@ -158,7 +169,7 @@ struct Measured {
     camera: String,
     /// Device times of all [`candidates`].
     device: Samples,
-    /// Wall-clock times of the choice `auto`.
+    /// Wall-clock times of the candidate `auto`.
     wall: Samples,
 }
 
@@ -191,11 +202,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         let wall = measuring(&mut renderer, pose, args, &|done, total| step("wall clock", done, total))?;
         all.push(Measured { camera: camera.name.clone(), device, wall });
     }
+    let flown = Flight::new(&mut renderer, args, &|done, total| reporter.report("flight", done, total))?;
     reporter.finish();
     if let Some(file) = &args.record {
-        record(file, &gpu, args, &all)?;
+        record(file, &gpu, args, &all, &flown)?;
     }
-    if args.json { print_json(&Answer::of(&gpu, args, &all)) } else { print(&text(&gpu, args, &all)) }
+    if args.json { print_json(&Answer::of(&gpu, args, &all, &flown)) } else { print(&text(&gpu, args, &all, &flown)) }
 }
 
 /// Draws rounds until the intervals of the wanted ratios are narrow, or until the time budget of the options is spent.
@@ -228,7 +240,8 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
         }
         let timed = |pass: String, ms: f64| Timed { candidate: turn.candidate, pass, ms };
         let sum = passes.iter().map(|pass| pass.time_ms).sum();
-        let geometry = passes.iter().filter(|pass| ["geometry", "occlusion"].contains(&pass.name.as_str())).map(|pass| pass.time_ms).sum();
+        let geometry =
+            passes.iter().filter(|pass| ["geometry", OCCLUSION_PASS].contains(&pass.name.as_str())).map(|pass| pass.time_ms).sum();
         let all = passes.into_iter().map(|pass| timed(pass.name, pass.time_ms));
         Ok(all.chain([timed(GEOMETRY.to_owned(), geometry), timed(ALL_PASSES.to_owned(), sum)]).collect())
     })
@@ -238,10 +251,10 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
 /// sequence, which are a quarter of a sequence of 16 measured frames.
 const SHARE_SEEN: f64 = 0.25;
 
-/// Measures three durations for each frame: rendering the frame with automatically chosen variants, reading it back, and measuring two streams, one
-/// for each signal. The measurement of a stream includes its changes from the four previous frames, the changes of its error, and its perceived
-/// noise. The call that measures also composes the pictures, so the duration of a separate composition is subtracted. The reference sequence is the
-/// stream itself, because only the durations count. A round is one frame.
+/// Measures four durations for each frame: rendering the frame with automatically chosen variants, the part of it that decides what is drawn, reading
+/// the frame back, and measuring two streams, one for each signal. The measurement of a stream includes its changes from the four previous frames,
+/// the changes of its error, and its perceived noise. The call that measures also composes the pictures, so the duration of a separate composition is
+/// subtracted. The reference sequence is the stream itself, because only the durations count. A round is one frame.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let viewing = Viewing::default();
@@ -251,12 +264,14 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
     let all = Variant::new(all).context("the set of all flavours is not a variant")?;
     let layers_read = AovSet::from_names(&["albedo", "choice"])?;
     let mut frame = 0;
-    let mut next_frame = || -> Result<[f64; 3]> {
+    let mut next_frame = || -> Result<[f64; 4]> {
         check_interrupted()?;
         let request = RenderRequest::new(pose, args.size).with(|r| r.shading.frame = frame);
         let began = Instant::now();
-        renderer.draw(&request)?;
+        let report = renderer.draw(&request)?.into_report();
         let drawn = began.elapsed();
+        let occlusion_ms: f64 = report.passes.iter().filter(|pass| pass.name == OCCLUSION_PASS).map(|pass| pass.time_ms).sum();
+        let deciding_ms = if report.passes.is_empty() { f64::NAN } else { report.selection_ms + occlusion_ms };
         let shown = renderer.draw(&request.with(|r| {
             r.outputs.aovs = layers_read;
             r.outputs.displayed = true;
@@ -292,7 +307,8 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         }
         let measured = measured + began.elapsed().mul_f64(SHARE_SEEN);
         frame += 1;
-        Ok([drawn.as_secs_f64(), read.as_secs_f64(), measured.as_secs_f64() - composed.as_secs_f64()].map(|seconds| seconds * 1e3))
+        let [drawn_ms, read_ms, measured_ms, composed_ms] = [drawn, read, measured, composed].map(|time| time.as_secs_f64() * 1e3);
+        Ok([drawn_ms, read_ms, measured_ms - composed_ms, deciding_ms])
     };
     measure(1, &wanted(Ratio::is_wall_clock), args, step, &mut |turn| {
         // The metrics compare a frame with the four frames before it. Round 0, which is not timed, therefore draws four frames.
@@ -302,7 +318,7 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         }
         let ms = next_frame()?;
         let timed = |(pass, ms): (&str, f64)| Timed { candidate: 0, pass: pass.to_owned(), ms };
-        Ok([FRAME, READING, MEASURING].into_iter().zip(ms).map(timed).collect())
+        Ok([FRAME, READING, MEASURING, DECIDING].into_iter().zip(ms).filter(|(_, ms)| !ms.is_nan()).map(timed).collect())
     })
 }
 
@@ -319,7 +335,7 @@ fn shown(estimate: Option<Estimate>, is_share: bool) -> String {
     format!("{} \u{b1} {}{unit}{word}", number(value), number(value * half_width))
 }
 
-fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> String {
+fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight) -> String {
     let kind = if gpu.is_software() { ", a software adapter" } else { "" };
     let [width, height] = args.size;
     let mut out = format!(
@@ -335,6 +351,7 @@ fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> String {
             }
         }
     }
+    out += &flown.text();
     if all.iter().all(|measured| measured.device == Samples::default()) {
         out += "The adapter has no timestamp queries, so passes were not timed.\n";
     }
@@ -350,6 +367,7 @@ struct Answer<'a> {
     size: [u32; 2],
     /// For each camera, the ratios by name.
     cameras: BTreeMap<&'a str, BTreeMap<&'static str, Figure>>,
+    flight: flight::Figures,
 }
 
 /// A ratio in the output of `--json`.
@@ -377,7 +395,7 @@ impl Figure {
 }
 
 impl<'a> Answer<'a> {
-    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured]) -> Answer<'a> {
+    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured], flown: &Flight) -> Answer<'a> {
         let figures = |measured: &Measured| -> BTreeMap<&'static str, Figure> {
             RATIOS.iter().map(|ratio| (ratio.name, Figure::of(measured.estimate(ratio), ratio.target))).collect()
         };
@@ -387,11 +405,12 @@ impl<'a> Answer<'a> {
             software: gpu.is_software(),
             size: args.size,
             cameras: all.iter().map(|measured| (measured.camera.as_str(), figures(measured))).collect(),
+            flight: flown.figures(),
         }
     }
 }
 
-fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<()> {
+fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight) -> Result<()> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_record([
         "adapter",
@@ -409,17 +428,17 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<
         "standard_error",
     ])?;
     let candidates = candidates();
+    let software = gpu.is_software().to_string();
+    let [width, height] = args.size.map(|n| n.to_string());
     for Measured { camera, device, wall } in all {
         let mut put = |(candidate, pass): Key<'_>, metric: &str, unit: &str, found: Option<Estimate>| -> Result<()> {
             let (Some(found), Some(Candidate { name: variant, .. })) = (found, candidates.get(candidate)) else { return Ok(()) };
-            let software = gpu.is_software().to_string();
-            let [width, height] = args.size.map(|n| n.to_string());
             let error = found.standard_error().map_or_else(String::new, |error| format!("{error:.6}"));
             let value = format!("{:.4}", found.value);
             let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height];
             Ok(csv.write_record(place.into_iter().chain([*variant, pass, metric, unit, &value, &error]))?)
         };
-        // The times of the other candidates of geometry are only recorded as ratios.
+        // Of the candidates with less culling or fewer vertices, only the ratios of geometry times are recorded.
         let is_usual = |candidate: usize| candidates[candidate].culls == Culls::ALL && candidates[candidate].error_px <= 0.0;
         for key in device.keys().filter(|(candidate, pass)| is_usual(*candidate) && *pass != ALL_PASSES) {
             put(key, metrics::TIME, "ms", device.time(key))?;
@@ -436,6 +455,9 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured]) -> Result<
             put(key, "wall_ms", "ms", wall.time(key))?;
         }
     }
+    let share = format!("{:.4}", flown.share());
+    let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, "flight", &width, &height];
+    csv.write_record(place.into_iter().chain([AUTO, GEOMETRY, "patches_culled_share", "1", &share, ""]))?;
     let bytes = csv.into_inner().context("cannot complete the CSV table")?;
     Ok(write_whole(file, |temporary| {
         std::fs::write(temporary, &bytes).map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
