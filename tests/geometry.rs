@@ -322,6 +322,10 @@ fn the_height_query_agrees_with_the_drawn_triangles() {
                 seen += 1;
                 wrong_without_levels += u32::from(((place.z - other_m) * normal.z).abs() > tolerance_m);
             }
+            // The renderer answers for the nodes and levels that it would draw.
+            let DVec3 { x, y, .. } = request.view.pose.position;
+            let answer = renderer.drawn_ground_m(&request, x, y).expect("the request is valid");
+            assert!(answer.is_some() && answer == below.height_m(x, y), "{camera}: {answer:?}");
         }
     }
     // Negative control: the height of all vertices is another one.

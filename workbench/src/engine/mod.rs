@@ -13,7 +13,6 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
 use kernels::base::progress::Progress;
 use kernels::frame::picture::Picture;
 use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
@@ -466,7 +465,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
 /// Draws a first look: a preview with small textures. It shows only A, and has no metrics.
 fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
-    let pose = wished_pose(renderer, wish)?;
+    let pose = pose(renderer, wish)?;
     let request = sketch::draft(&wish.request(pose, &[]));
     let picture = renderer.render(&request)?;
     let shown = Shown {
@@ -498,7 +497,6 @@ fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
 fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
-    let ground_m = renderer.ground_m(pose.position.x, pose.position.y);
     let measured = wish.is_measured();
     let request = wish.request(pose, &wish.layers());
     let picture = renderer.render(&request)?;
@@ -524,6 +522,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
     let (texels, legend) = (layer.colours(&picture, live.side(0)), layer.legend_for(&picture));
     let second = second.zip(b).map(|(second, settings)| compared(wish, &picture, second, settings, live));
     let readings = if measured { live.history() } else { Vec::new() };
+    let ground_m = renderer.ground_m(pose.position.x, pose.position.y);
     let layout = *renderer.world().layout();
     let shown = Shown {
         pose,
@@ -589,21 +588,8 @@ fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Liv
     }
 }
 
-/// The pose of the camera for a request. A camera that walks stands on the ground that A draws, which may be above or below that of the finest LOD:
-/// with fewer vertices, the ground passes over hollows.
-fn pose(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
-    let mut pose = wished_pose(renderer, wish)?;
-    if let Viewpoint::Free { walking: true, .. } = wish.viewpoint {
-        let DVec3 { x, y, .. } = pose.position;
-        if let Some(drawn_m) = renderer.drawn_ground_m(&wish.request(pose, &[]), x, y)? {
-            pose.position.z = drawn_m + EYE_M;
-        }
-    }
-    Ok(pose)
-}
-
-/// The pose of the camera for a request, with the ground of the finest LOD.
-fn wished_pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
+/// The pose of the camera for a request.
+fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
     let ground = |x: f64, y: f64| renderer.ground_m(x, y);
     let scene = renderer.scene();
     let missing = |kind: &str, name: &str| kernels::base::error::Error::Request(format!("scene `{}` has no {kind} `{name}`", scene.name));
