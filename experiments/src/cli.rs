@@ -132,6 +132,7 @@ pub(crate) struct CheckArgs {
 Times of a software adapter can only be compared with each other, so ratios are printed, each with the half-width of its 95 % interval. A round draws
 each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading times, or of each
 share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios that are not known to 5 % by then are marked as unstable.
+At the end, the patches that culling removes are counted in 32 pictures along a straight flight of 10 km.
 
 Examples:
   experiments bench --size 960x540 --record notebooks-data/bench.csv
