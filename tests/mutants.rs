@@ -342,7 +342,7 @@ struct Spoilt {
     what: &'static str,
     /// The WGSL that causes the fault. It is inserted before [`SPOILT_LINE`].
     lines: &'static str,
-    /// Whether this is the required end of the run of tests.
+    /// Whether the argument is the end that the run of tests must have.
     is_expected: fn(&End) -> bool,
 }
 
@@ -360,7 +360,7 @@ const SPOILT: [Spoilt; 3] = [
     },
     Spoilt {
         what: "computes NaN",
-        lines: "positions[row * frame.size.x + x].x = sqrt(f32(motion.lags) - 100.0);",
+        lines: "distances[motion.slot + first * frame.size.x + x] = sqrt(f32(first) - 1000000.0);",
         is_expected: |end| matches!(end, End::Failed(_)),
     },
     Spoilt {
@@ -412,7 +412,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Returns the sort key of a mutant. It brings the mutants of a stage into a random order.
+/// Returns the sort key of a mutant. These keys bring the mutants of a stage or path into a random order.
 fn order(seed: u32, index: usize) -> u32 {
     hash::pcg4d([seed, u32::try_from(index).unwrap_or(u32::MAX), 17, 29])[0]
 }
@@ -443,8 +443,8 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
         match end {
             End::Passed if passed > 0 => {}
             End::Passed => bail!("stage `{stage}`: no test matches {}", group.join(" ")),
-            End::Failed(test) => bail!("stage `{stage}`: {test} fails without a mutant"),
-            End::Hung => bail!("stage `{stage}`: {} take more than 20 minutes", group.join(" ")),
+            End::Failed(test) => bail!("stage `{stage}` fails without a mutant: {test}"),
+            End::Hung => bail!("stage `{stage}`: more than 20 minutes for the tests {}", group.join(" ")),
         }
         limits.insert(group, Duration::from_secs(60) + began.elapsed() * 8);
     }
