@@ -127,11 +127,11 @@ fn frames_that_warm_up_are_drawn_but_not_measured() {
     assert_eq!(of_frames(&warmed), of_frames(&whole().rows), "the third frame has seen the same frames before it");
     let mut compared = 0;
     for row in warmed.iter().filter(|row| row.frame.is_none() && row.lag.is_some()) {
-        // The percentiles come from histograms, and have no rows of single frames.
         let is_same = |last: &&Row| {
             let Row { frame, value, standard_error, freedom, .. } = (*last).clone();
             frame.is_some() && Row { frame, value, standard_error, freedom, ..row.clone() } == **last
         };
+        // Percentiles come from histograms over all frames. There are no rows of single frames with which they could be compared.
         let Some(last) = warmed.iter().find(is_same) else { continue };
         let scale = last.value.abs().max(1e-6);
         assert!((row.value - last.value).abs() < 1e-9 * scale, "{row:?} {last:?}");
@@ -277,12 +277,62 @@ fn a_run_is_the_same_in_shards() {
 /// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1), but only one row in four
 /// with earlier frames (lags above 1). This quarter of the rows changes from frame to frame. It contains the row in one of four frames; the other
 /// frames have no values for lags above 1.
+/// Terrain nodes that arrive late, in a view that moves by 150 m per frame.
+const LATE: &str = r#"name = "late"
+question = "Does a frame of simulated streaming depend on the shard that draws it?"
+size = [96, 64]
+frames = 4
+variants = ["far-atlas"]
+noises = ["hashed"]
+metrics = ["rmse"]
+reference = { spp = 32, max_spp = 32 }
+times = "none"
+scene = "scene.toml"
+
+[set]
+"frame.nodes_per_frame" = 2
+"frame.latency" = 1
+"frame.lod_bias" = -1.5
+
+[vary]
+parameter = "frame.residency"
+values = ["settled", "scheduled"]
+
+[[view]]
+name = "ground-forwards"
+camera = "ground"
+motion = "forwards"
+step = 150.0
+"#;
+
+#[test]
+fn late_nodes_are_the_same_in_shards_and_count_as_error() {
+    let folder = Folder::new("late");
+    let [definition, whole] = prepare(&folder);
+    fs::write(&definition, LATE).expect("writable");
+    success(&["run", &definition, "--out", &whole]);
+    let rows = read_run(&Path::new(&whole).join("late")).expect("the run is read back").rows;
+    let rmse = |setting: &str| {
+        let found: Vec<f64> = rows.iter().filter(|row| row.metric == "rmse" && row.setting == setting).map(|row| row.value).collect();
+        assert!(!found.is_empty(), "no rmse of {setting}");
+        found
+    };
+    // The reference has all nodes, so coarse ground is an error of the picture.
+    let (settled, scheduled) = (rmse("settled"), rmse("scheduled"));
+    assert!(settled.iter().zip(&scheduled).all(|(settled, scheduled)| *scheduled > 1.1 * settled), "{settled:?} {scheduled:?}");
+    let shards = folder.path("shards");
+    for shard in ["1/3", "2/3", "3/3"] {
+        success(&["run", &definition, "--out", &shards, "--shard", shard]);
+    }
+    let together = read_run(&Path::new(&shards).join("late")).expect("the shards are read together");
+    assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
+}
+
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");
     prepare(&folder);
-    // A picture of two pixels uses the coarsest nodes of the terrain, whose surface may be above a camera that is near the ground. So the camera of
-    // this test is high.
+    // The camera looks down from 400 m above the ground, so that both pixels show terrain.
     let scene = kernels::scene::DEFAULT_TEXT.replace("detail_size = 1024", "detail_size = 64")
         + "\n[[camera]]\nname = \"above\"\nposition = [0.0, 0.0, 400.0]\nabove_ground = true\nyaw_deg = 0.0\npitch_deg = -60.0\nfov_deg = 40.0\n";
     folder.write("scene.toml", &scene);

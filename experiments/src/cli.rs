@@ -1,6 +1,7 @@
 //! The command line. Scripts depend on it, so its options and output must remain stable.
 //!
-//! Mistakes that can be found without opening a file are reported here as usage errors (exit status 2).
+//! Values that have the wrong form or lie outside their range, and most options that exclude each other, are reported here as usage errors (exit
+//! status 2).
 
 use std::path::PathBuf;
 
@@ -39,7 +40,7 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Run the small version of experiments; fail if a result is outside its expected range
     Check(CheckArgs),
-    /// Measure times on the built-in world, and print ratios of times with their targets
+    /// Measure times and count culled patches on the built-in world; print ratios of times and the share of culled patches, with their targets
     Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
@@ -84,7 +85,8 @@ pub(crate) struct DemoArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
-manifest.json, pictures/, reference/. `run` only reports an expectation that does not hold; `experiments check` fails instead.
+manifest.json, pictures/, reference/ and, if the definition requests them, video/ and scene/.
+`run` only reports an expectation that does not hold; `experiments check` fails instead.
 Times are measured in rounds until each ratio of shading times is known to 5 %, or the definition's `times_budget_s` are spent. Ratios that
 are not known to 5 % are marked as unstable; they take no part in fronts, sentences and expectations.
 --resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are equal to those of an uninterrupted run. Shards may
@@ -114,7 +116,7 @@ pub(crate) struct RunArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Each definition is run with the changes of its [small] section. On exit status 1, stderr names the claims that do not hold.
+Each definition is run with the changes of its [small] section. If claims do not hold, the exit status is 1, and stderr names them.
 
 Example:
   experiments check experiments/definitions/*.toml")]
@@ -130,9 +132,11 @@ pub(crate) struct CheckArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Times of a software adapter can only be compared with each other, so ratios are printed, each with the half-width of its 95 % interval. A round draws
-each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading times, or of each
-share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios that are not known to 5 % by then are marked as unstable.
-At the end, the patches that culling removes are counted in 32 pictures along a straight flight of 10 km.
+each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading or geometry times,
+or of each share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios that are not known to 5 % by then are marked
+as unstable.
+At the end, the patches that culling removes are counted in 32 pictures along a straight flight of 10 km. The same flight is made with simulated
+streaming of terrain nodes, at two speeds: how much of the ground is drawn too coarse in each kilometre, and after a teleport.
 
 Examples:
   experiments bench --size 960x540 --record notebooks-data/bench.csv
@@ -147,10 +151,10 @@ pub(crate) struct BenchArgs {
     /// Seconds after which no further round begins, for each camera: once for the times of passes, and once for times of the wall clock
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, allow_hyphen_values = true, value_parser = budget)]
     pub(crate) budget: f64,
-    /// CSV file that receives every median
+    /// CSV file that receives the medians of the times and of their ratios, and the share of culled patches
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
-    /// Print the ratios as JSON, by camera and name
+    /// Print the ratios, by camera and name, and the counts of culled patches as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -231,7 +235,7 @@ pub(crate) struct RenderArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Reads 16-bit PNG, RAW (.raw, .r16: 16-bit integers; .r32: 32-bit floats), OpenEXR and (Geo)TIFF. Whatever a file says about its samples
+Reads 16-bit PNG, RAW (.raw, .r16, .bin: 16-bit integers; .r32: 32-bit floats), OpenEXR and (Geo)TIFF. Whatever a file says about its samples
 (unit, scale, offset, spacing, orientation, mask, no-data value) is applied, or the file is refused with a remedy. An option that does not apply
 to the file, or contradicts it, is an error. What was understood is printed at the end; --dry-run prints it and writes nothing.
 
@@ -261,10 +265,10 @@ pub(crate) struct ImportArgs {
     /// the usual size for the kind of ground]
     #[arg(long, value_name = "M", requires = "materials", allow_hyphen_values = true, value_parser = tile_size)]
     pub(crate) tile_size: Option<f64>,
-    /// Width and height of a .raw, .r16 or .r32 file; without this option, the file must be square
+    /// Width and height of a .raw, .r16, .bin or .r32 file; without this option, the file must be square
     #[arg(long, value_name = "WxH", value_parser = raw_size)]
     pub(crate) raw_size: Option<[u32; 2]>,
-    /// The samples of a .raw, .r16 or .r32 file are big-endian
+    /// The samples of a .raw, .r16, .bin or .r32 file are big-endian
     #[arg(long)]
     pub(crate) raw_big_endian: bool,
     /// Channel of an OpenEXR file that holds the heights, with or without part and layer: part.layer.channel
@@ -282,7 +286,7 @@ pub(crate) struct ImportArgs {
     /// Read only this part: left, top, width, height, in samples
     #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
     pub(crate) window: Option<[u32; 4]>,
-    /// Procedural relief added below the resolution of the data, metres; without added relief, cliffs in coarse data are smooth ramps
+    /// Largest offset of procedural relief at scales finer than the data, metres; without it, cliffs in coarse data are smooth ramps
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true, value_parser = detail)]
     pub(crate) detail: f64,
     /// Folder of the new scene; must be empty or not exist yet
@@ -533,10 +537,10 @@ fn raw_size(text: &str) -> Result<[u32; 2], String> {
 
 /// Parses `N` finite numbers separated by commas.
 fn numbers<const N: usize>(text: &str, shape: &str) -> Result<[f64; N], String> {
-    let wrong = || format!("give {shape}: {N} numbers separated by commas");
+    let wrong = || format!("give {shape}; numbers expected: {N}");
     let parts: Vec<f64> = text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| wrong())).collect::<Result<_, _>>()?;
     let all: [f64; N] = parts.try_into().map_err(|_| wrong())?;
-    if all.iter().all(|v| v.is_finite()) { Ok(all) } else { Err(format!("{shape} must be finite numbers")) }
+    if all.iter().all(|v| v.is_finite()) { Ok(all) } else { Err(format!("{shape} must be finite")) }
 }
 
 fn pose(text: &str) -> Result<[f64; 5], String> {

@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn every_option_is_read_into_its_setting() {
         let all = "--variant vt+splat --generic --estimator stf --noise blue --seed 7 --reseeds --two-tilings --normals exact --lod-bias -1.5 \
-                   --vertex-stride 4 --geometry-error 0.5 --exposure 1.5 --tone-curve clip --tile 16";
+                   --vertex-stride 4 --geometry-error 0.5 --residency scheduled --nodes-per-frame 3 --latency 5 --exposure 1.5 --tone-curve clip --tile 16";
         let arguments: Vec<&str> = all.split_whitespace().collect();
         let read = frame(&arguments).expect("accepted");
         let usual = FrameSettings::default();

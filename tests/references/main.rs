@@ -28,4 +28,6 @@ mod stages;
 #[allow(dead_code, unreachable_pub, reason = "a file of `experiments`, which would take long to compile; these tests use a part of it")]
 mod statistics;
 #[cfg(test)]
+mod streaming;
+#[cfg(test)]
 mod surfaces;

@@ -1,5 +1,5 @@
-//! Tests host code that determines what is drawn for a camera, without a device: the selection and culling of nodes, settings in the form in which
-//! shaders read them, stored normals, and compressed blocks.
+//! Tests host code that determines what is drawn for a camera, without a device: the selection of nodes, the culling of patches, settings in the form
+//! in which shaders read them, stored normals, and compressed blocks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -75,10 +75,16 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
         let of_picture = f64::from(height_px) / (2.0 * (fov / 2.0).tan()) / (128.0 * 2.5);
         let ratio = (of_picture.clamp(0.6, 2.0) / lod_bias.exp2()).min(2.0);
         let mut calls = Vec::new();
-        let selection = quadtree::select(&world, &view, lod_bias, |nodes| {
-            calls.push(nodes.to_vec());
-            Ok::<_, String>(vec![NodeBounds { height_m: [low_m, high_m] }; nodes.len()])
-        })
+        let selection = quadtree::select(
+            &world,
+            &view,
+            lod_bias,
+            |_| true,
+            |nodes| {
+                calls.push(nodes.to_vec());
+                Ok::<_, String>(vec![NodeBounds { height_m: [low_m, high_m] }; nodes.len()])
+            },
+        )
         .expect("loads");
         let mut expected = [BTreeSet::new(), BTreeSet::new()];
         NodeId::roots().for_each(|root| descend(&world, &view, ratio, root, &mut expected));
@@ -94,7 +100,7 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
         }
     }
     let view = view_of([100.0, -300.0, 900.0], 0.4, -0.3, fov, [96, 64]);
-    let error = quadtree::select(&world, &view, 0.0, |_| Err("the disk is full")).map(|selection| selection.drawn);
+    let error = quadtree::select(&world, &view, 0.0, |_| true, |_| Err("the disk is full")).map(|selection| selection.drawn);
     assert_eq!(error, Err("the disk is full"));
 }
 
@@ -107,7 +113,7 @@ fn numbers_of_nodes() -> Vec<usize> {
         let [x, y] = [0, 1].map(|_| random.between(-1024.0, 1024.0));
         let view = view_of([x, y, 0.0], 0.0, 0.0, 0.3, [300, 2000]);
         let flat = |nodes: &[NodeId]| Ok::<_, String>(vec![NodeBounds { height_m: [0.0; 2] }; nodes.len()]);
-        quadtree::select(&world, &view, 0.0, flat).expect("loads").visited.len()
+        quadtree::select(&world, &view, 0.0, |_| true, flat).expect("loads").visited.len()
     };
     (0..4000).map(&mut number).collect()
 }
@@ -132,7 +138,7 @@ fn turning_the_camera_selects_the_same_nodes() {
         let mut select = || {
             let view = view_of(position, random.between(0.0, 6.0), random.between(-1.5, 1.5), 1.0, [320, 180]);
             let flat = |nodes: &[NodeId]| Ok::<_, String>(vec![NodeBounds { height_m: [0.0, 800.0] }; nodes.len()]);
-            let selection = quadtree::select(&world, &view, 0.0, flat).expect("loads");
+            let selection = quadtree::select(&world, &view, 0.0, |_| true, flat).expect("loads");
             (selection.visited, selection.drawn)
         };
         assert_eq!(select(), select());
@@ -203,7 +209,7 @@ fn flat() -> PatchBounds {
     PatchBounds { height_m: [10.0, 60.0], errors_m: [50.0; 4], cone: Cone { axis: [0.0, 0.0, 1.0], sin_half_angle: 0.0 } }
 }
 
-/// Culls the patches of the first node. All nodes are in the LOD map.
+/// Culls the patches of the first node. All nodes count as drawn, so the others may determine the levels of that node's sides.
 fn cull(layout: &Layout, nodes: &[NodeId], bounds: NodeBounds, patches: &[PatchBounds], view: &View, stride: u32, culls: Culls) -> Culled {
     let drawn = DrawnNode { node: nodes[0], slot: 7, bounds, patches };
     let levels = Levels::new(nodes, stride.ilog2() as u8, |_, _| 0);

@@ -1,4 +1,5 @@
-//! `bench`: measures times on the built-in world, and prints ratios of times. Next to each ratio, it prints the target of the project.
+//! `bench`: measures times on the built-in world, and counts the patches that culling removes on a flight of 10 km. Prints ratios of times and the
+//! share of removed patches, each next to the target of the project.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,19 +29,22 @@ use crate::process::{check_interrupted, watch_interrupts};
 use crate::rounds::{self, Estimate, Key, Plan, Samples, Timed, Turn, Wanted};
 
 mod flight;
+mod streaming;
 
 use flight::Flight;
+use streaming::Streamed;
 
-// The passes below are timed with the wall clock, except for a part of the last one. Timestamps of the device are not used, because on a software
-// adapter the time between two timestamps includes waiting.
+// Except for a part of the last one, the passes below are timed with the wall clock and not with timestamps of the device: on a software adapter, the
+// time between two timestamps includes waiting.
 /// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
 /// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
 const READING: &str = "reading back (wall clock)";
 /// The time of measuring a frame with the metrics that compare the frames of a sequence.
 const MEASURING: &str = "measuring (wall clock)";
-/// The time of deciding what is drawn: the wall-clock time of selecting and culling nodes on the CPU, plus the device times of occlusion culling, which
-/// cannot be separated from the other passes by the wall clock. It is not measured on an adapter without timestamps.
+/// The time of deciding what is drawn: the wall-clock time of the CPU's part (selecting nodes and vertex strides, culling patches, uploading the list
+/// of patches), plus the device times of occlusion culling, which the wall clock cannot separate from the other passes. This time is not measured on
+/// an adapter without timestamps.
 const DECIDING: &str = "deciding what is drawn";
 
 /// Whether a pass is measured in the rounds of the wall clock.
@@ -61,20 +65,20 @@ const FRUSTUM_ONLY: &str = "frustum only";
 const HALF_A_PIXEL: &str = "geometry error of half a pixel";
 /// The sum of the device times of the passes of geometry and occlusion culling.
 const GEOMETRY: &str = "geometry and occlusion";
-/// The passes of occlusion culling.
+/// Name of the passes of occlusion culling.
 const OCCLUSION_PASS: &str = "occlusion";
 
-/// A way to draw the frame that is timed.
+/// One of the timed ways to draw the frame.
 struct Candidate {
     name: &'static str,
     variant: VariantChoice,
     culls: Culls,
-    /// The geometry error, pixels.
+    /// The accepted geometry error (`frame.geometry_error`), pixels.
     error_px: f64,
 }
 
-/// Returns the ways to draw the frame that are timed. The first one is `auto`. The candidates after the variants have less culling; the last one
-/// draws fewer vertices.
+/// Returns the timed ways to draw the frame: the variants, of which `auto` is the first; then candidates with less culling; and at the end, with all
+/// culling, a candidate with fewer vertices.
 fn candidates() -> Vec<Candidate> {
     let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL, error_px: 0.0 };
     let without = |name, culls| Candidate { culls, ..of((name, VariantChoice::Auto)) };
@@ -203,11 +207,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         all.push(Measured { camera: camera.name.clone(), device, wall });
     }
     let flown = Flight::new(&mut renderer, args, &|done, total| reporter.report("flight", done, total))?;
+    let streamed = Streamed::all(&mut renderer, args, &|done, total| reporter.report("streamed flight", done, total))?;
     reporter.finish();
     if let Some(file) = &args.record {
         record(file, &gpu, args, &all, &flown)?;
     }
-    if args.json { print_json(&Answer::of(&gpu, args, &all, &flown)) } else { print(&text(&gpu, args, &all, &flown)) }
+    if args.json { print_json(&Answer::of(&gpu, args, &all, &flown, streamed)) } else { print(&text(&gpu, args, &all, &flown, &streamed)) }
 }
 
 /// Draws rounds until the intervals of the wanted ratios are narrow, or until the time budget of the options is spent.
@@ -300,7 +305,8 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         shaded.measure(&layers, &mut meter, &[None; 2])?;
         let measured = began.elapsed();
         let began = Instant::now();
-        // A new filter for each frame, because the terrain of a picture changes when the camera moves.
+        // A filter keeps what depends only on which pixels show terrain. In a run with a moving camera, these pixels change from frame to frame. So
+        // this part is computed anew for each frame here, too.
         let mut filter = PerceivedFilter::new(args.size, viewing.pixels_per_degree);
         for index in 0..tracks.len() {
             filter.perceived_noise(&meter.memory(gpu, index)?);
@@ -335,7 +341,7 @@ fn shown(estimate: Option<Estimate>, is_share: bool) -> String {
     format!("{} \u{b1} {}{unit}{word}", number(value), number(value * half_width))
 }
 
-fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight) -> String {
+fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight, streamed: &[Streamed]) -> String {
     let kind = if gpu.is_software() { ", a software adapter" } else { "" };
     let [width, height] = args.size;
     let mut out = format!(
@@ -352,6 +358,7 @@ fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight) -> String
         }
     }
     out += &flown.text();
+    streamed.iter().for_each(|streamed| out += &streamed.text());
     if all.iter().all(|measured| measured.device == Samples::default()) {
         out += "The adapter has no timestamp queries, so passes were not timed.\n";
     }
@@ -368,6 +375,8 @@ struct Answer<'a> {
     /// For each camera, the ratios by name.
     cameras: BTreeMap<&'a str, BTreeMap<&'static str, Figure>>,
     flight: flight::Figures,
+    /// The streamed flight, once for each schedule.
+    streamed: Vec<Streamed>,
 }
 
 /// A ratio in the output of `--json`.
@@ -395,7 +404,7 @@ impl Figure {
 }
 
 impl<'a> Answer<'a> {
-    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured], flown: &Flight) -> Answer<'a> {
+    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured], flown: &Flight, streamed: Vec<Streamed>) -> Answer<'a> {
         let figures = |measured: &Measured| -> BTreeMap<&'static str, Figure> {
             RATIOS.iter().map(|ratio| (ratio.name, Figure::of(measured.estimate(ratio), ratio.target))).collect()
         };
@@ -406,6 +415,7 @@ impl<'a> Answer<'a> {
             size: args.size,
             cameras: all.iter().map(|measured| (measured.camera.as_str(), figures(measured))).collect(),
             flight: flown.figures(),
+            streamed,
         }
     }
 }

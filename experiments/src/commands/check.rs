@@ -62,7 +62,7 @@ fn has_expectations(definition: &Definition) -> Result<()> {
 /// Fails if an expectation is not met.
 ///
 /// # Errors
-/// A value is outside its range. The message names all expectations that are not met.
+/// A value is outside its range or does not exist. The message names all expectations that are not met.
 fn judge(name: &str, verdicts: &[Verdict]) -> Result<()> {
     let failed: Vec<&str> = verdicts.iter().filter(|verdict| !verdict.met).map(|verdict| verdict.claim.trim()).collect();
     if failed.is_empty() {

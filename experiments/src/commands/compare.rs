@@ -49,7 +49,7 @@ struct FlipAnswer {
     max: f64,
 }
 
-/// Compares two pictures and prints the requested metrics.
+/// Compares two pictures, prints the requested metrics, and writes the map of FLIP errors if it is requested.
 pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     let inputs = [&args.test, &args.reference];
     if let Some(map) = &args.map {

@@ -11,6 +11,7 @@ use kernels::frame::export;
 use kernels::frame::picture::{AovSet, Layer, Picture};
 use kernels::frame::{self, RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
+use kernels::residency::Residency;
 use kernels::scene::{CameraPath, CameraPose, Scene};
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
@@ -110,6 +111,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         software: gpu.is_software(),
         frames: Vec::new(),
     };
+    let mut arrivals = None;
     for frame in 0..frames {
         check_interrupted().with_context(|| format!("{frame} of {frames} pictures were written"))?;
         let mut pose = match &shot {
@@ -117,7 +119,18 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             Shot::Along(path) => camera::along(path, frame, |x, y| renderer.ground_m(x, y)),
         };
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
-        let request = frame_settings.request(pose, args.size, frame).with(|r| {
+        let plain = frame_settings.request(pose, args.size, frame);
+        let residency = match frame_settings.schedule() {
+            Some(schedule) => {
+                let mut own = arrivals.take().map_or_else(|| renderer.arrivals(schedule, &plain), Ok)?;
+                let (residency, _) = renderer.arrive(&mut own, &plain)?;
+                arrivals = Some(own);
+                residency
+            }
+            None => Residency::Settled,
+        };
+        let request = plain.with(|r| {
+            r.geometry.residency = residency;
             r.outputs.aovs = aovs;
             // If a picture is the mean of several samples, it is converted for display after the mean is computed.
             r.outputs.displayed = is_png && args.reference.is_none();
@@ -189,6 +202,7 @@ pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, sa
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
         r.shading.estimator = Estimator::Exact;
         r.shading.two_tilings = true;
+        r.geometry.residency = Residency::Settled;
     });
     // The first sample is at the centre of the pixel.
     let centre = renderer.render(&truth.with(|r| r.view.jitter = sample_point(0)))?;

@@ -43,7 +43,7 @@ impl Session {
         Ok(Session { gpu: Gpu::new()?, reporter: Reporter::new() })
     }
 
-    /// Runs a definition, writes its report, and prints a summary.
+    /// Runs a definition, writes its report, and prints a summary. For a shard, no report is written, because a report needs all shards.
     pub(crate) fn answer(&self, definition: &Definition, place: &Place<'_>) -> Result<()> {
         let data = self.carry_out(definition, place)?;
         let verdicts = expectations::evaluate(definition, &data.rows, &data.times);

@@ -52,7 +52,8 @@ pub struct Definition {
     /// sequence begins without history. Videos contain these frames.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub warm_up: u32,
-    /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
+    /// Number of seeds for the metrics that need several seeds, such as bias, variance and clumping; 0 = none of these is measured, otherwise at
+    /// least 2.
     #[serde(default)]
     pub seeds: u32,
     /// The variants: names or numbers (as text), `generic-` and a name or number, `auto`, `generic`, or `all` for all 31 variants. A
@@ -73,14 +74,14 @@ pub struct Definition {
     /// Settings of the scene and of the frame that apply to the whole run, such as `"flavours.cliff_near_m" = 20.0`.
     #[serde(default, rename = "set", skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, toml::Value>,
-    /// Names of the metrics that are measured; empty = all metrics.
+    /// Names of the metrics that are measured; empty = all metrics for which `seeds` and `frames` suffice. Times are requested by `times` instead.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
     /// The signals that are measured: `albedo`, and `lit` for the lit picture as a screen shows it, with the exposure and the tone curve of the
     /// settings `frame.exposure` and `frame.tone_curve`.
     #[serde(default = "default_signals")]
     pub signals: Vec<String>,
-    /// How the pictures are looked at. The metric `perceived_noise` depends on it.
+    /// How the pictures are looked at. The metric `perceived_noise` and the command lines of `video` depend on it.
     #[serde(default)]
     pub viewing: Viewing,
     /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are stored for
@@ -94,8 +95,8 @@ pub struct Definition {
     #[serde(default)]
     pub times: Times,
     /// Limit of the seconds for which a part of the run measures times, above 0 and at most 86400. A part stops earlier if the 95 % interval of each
-    /// ratio of shading times is at most 5 % wide on each side. It always measures at least six pictures of each variant, and warms up before the
-    /// seconds begin to count.
+    /// ratio of shading times is at most 5 % wide on each side (if the part times only one picture, the interval of its shading time). A part always
+    /// measures at least six pictures of each variant, and warms up before the seconds begin to count.
     #[serde(default = "default_times_budget_s")]
     pub times_budget_s: f64,
     /// Changes of the definition that make `check` quick.
@@ -170,8 +171,8 @@ pub struct Import {
     /// Sample spacing, metres. It is not needed if the file states it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metres_per_texel: Option<f64>,
-    /// Elevations of the smallest and the largest possible integer sample, or of the float samples 0 and 1, metres. They are not needed if
-    /// the samples are metres, or if the file states their unit or scale.
+    /// Elevations of the smallest and the largest possible integer sample, or of the float samples 0 and 1, metres. They are not needed for
+    /// floats that are metres, or if the file states the unit or the scale of its samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
     /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as
@@ -218,7 +219,8 @@ pub enum Motion {
 pub struct Vary {
     /// A setting of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
     /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4),
-    /// `frame.geometry_error` (pixels, 0 to 16), `frame.seed`, `frame.reseeds`, `frame.two_tilings`, `frame.exposure` (stops, -16 to 16),
+    /// `frame.geometry_error` (pixels, 0 to 16), `frame.residency` (`settled`, `scheduled`), `frame.nodes_per_frame` (1 to 512), `frame.latency`
+    /// (frames, 1 to 600), `frame.seed`, `frame.reseeds`, `frame.two_tilings`, `frame.exposure` (stops, -16 to 16),
     /// `frame.tone_curve` (`reinhard`, `clip`).
     pub parameter: String,
     /// The values of the parameter, in the order in which they are measured.
@@ -289,7 +291,8 @@ pub struct Expectation {
     pub claim: String,
     /// Name of the metric.
     pub metric: String,
-    /// The rows that are averaged: all rows of the metric that have these values in these columns, such as `lag = 1` or `noise = "hashed"`.
+    /// The rows that are averaged: the rows of the metric that have these values in these columns, such as `lag = 1` or `noise = "hashed"`. If
+    /// `frame` or `signal` is not given, some of these rows are left out: see `evaluate` in `expectations.rs`.
     #[serde(default, rename = "where")]
     pub selection: BTreeMap<String, toml::Value>,
     /// Selects the rows whose mean is the divisor of a ratio; absent = no ratio is computed. Columns that are not given here have the values of

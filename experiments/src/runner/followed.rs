@@ -142,8 +142,8 @@ impl Followed {
         Ok(())
     }
 
-    /// Adds the perceived noise of a frame. `remembered`: for each pixel, the mean over time of the stream's error, and its number of frames, as
-    /// `Meter::memory` returns them after this frame.
+    /// Adds the perceived noise of a frame. `remembered`: for each pixel, the mean over time of the stream's error, and the number of frames in this
+    /// mean, as `Meter::memory` returns them after this frame.
     pub(super) fn see(
         &mut self,
         labels: &Labels<'_>,
@@ -224,8 +224,8 @@ fn mean_of(moments: &Moments<f64>) -> Mean {
 }
 
 /// Returns the value over all groups and its standard error, by the delete-one jackknife over groups (Efron and Tibshirani 1993, *An Introduction to
-/// the Bootstrap*, chapter 11). The standard error has one degree of freedom less than there are groups with pixels. It is `None` with fewer than two
-/// such groups. Returns `None` if there is no value.
+/// the Bootstrap*, chapter 11). The standard error has one degree of freedom less than there are groups with compared pixels. It is `None` with fewer
+/// than two such groups. Returns `None` if there is no value.
 fn jackknife(groups: &[Residual], of: OfResidual) -> Option<Mean> {
     let mut all = Residual::default();
     groups.iter().for_each(|group| all.add(group));

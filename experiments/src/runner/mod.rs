@@ -9,6 +9,7 @@ mod followed;
 mod pictures;
 mod reference;
 mod sequence;
+mod streamed;
 mod sweep;
 mod timing;
 mod views;
@@ -22,6 +23,7 @@ use kernels::base::progress::Progress;
 use kernels::composition::Layers;
 use kernels::frame::{ClassifyBy, FrameSettings, RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
+use kernels::residency::Residency;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal::Signal;
@@ -56,6 +58,7 @@ struct Stage<'a> {
     /// Layers of the exact blend, with the pose and frame for which they were drawn.
     exact: Option<(Pose, u32, Layers)>,
     fixed: Fixed,
+    streamed: streamed::Streamed,
 }
 
 /// Results that do not depend on the noise. All parts with the same view and estimator share them.
@@ -101,12 +104,13 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // `retune` succeeds if the scenes differ only in settings such as the blend, the distances of flavours or the light. In this case, the
-            // world and the textures are kept.
+            // `retune` succeeds if the scenes differ only in settings such as the distances of flavours, the light, or the blend (except anisotropy
+            // and material contrast). In this case, the world and the textures are kept.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
                 stage.fixed = Fixed::default();
+                stage.streamed = streamed::Streamed::default();
                 return Ok(());
             }
         }
@@ -115,7 +119,15 @@ impl<'a> Runner<'a> {
         let options = RendererOptions { tile: choices.tile, ..RendererOptions::default() };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
         let layers = Layers::new(self.gpu, self.definition.size);
-        self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None, fixed: Fixed::default() });
+        self.stage = Some(Stage {
+            setting: setting.clone(),
+            choices,
+            renderer,
+            layers,
+            exact: None,
+            fixed: Fixed::default(),
+            streamed: streamed::Streamed::default(),
+        });
         Ok(())
     }
 
@@ -290,17 +302,20 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// Returns a copy of the request that renders the reference blend, which takes 96 fetches.
+/// Returns a copy of the request that renders the reference blend, which takes 96 fetches. All terrain nodes have arrived, so the error of late nodes
+/// is an error of the picture under test.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
         r.shading.estimator = Estimator::Exact;
         r.shading.noise = NoiseKind::HashedIsotropic;
         r.shading.two_tilings = true;
+        r.geometry.residency = Residency::Settled;
     })
 }
 
-/// Whether the variant is chosen for each patch of terrain. Otherwise it is chosen for each tile of the screen.
+/// Whether the cost of automatic choice is computed as if a variant were chosen for each patch of terrain. Otherwise it is computed for the tiles of
+/// the screen.
 fn by_patch(choices: &FrameSettings) -> bool {
     choices.classification == ClassifyBy::Patch
 }

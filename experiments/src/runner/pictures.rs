@@ -154,8 +154,8 @@ pub(super) fn displayed(picture: &[[u32; 2]], signal: Signal) -> Vec<[u8; 3]> {
 }
 
 /// Returns a map of residual flicker in the colour map magma. It shows the change of the error of each surface point since the previous frame, in the
-/// last picture of `stream`. `stream` is the index of a stream of `meter`, which must have a reference. Pixels whose surface point was not visible in
-/// the previous frame are black.
+/// last picture of `stream`. `stream` is the index of a stream of `meter`, which must have a reference. Pixels whose change is not known are black,
+/// for example because their surface point was not visible in the previous frame.
 pub(super) fn residual_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);

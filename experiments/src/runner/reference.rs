@@ -77,10 +77,11 @@ pub(super) struct Sequence {
 /// How a reference sequence changes from frame to frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Changes {
-    /// For each frame, the mean absolute difference in luminance from each of the four previous frames. `None` if the frame is not
-    /// measured, if the earlier frame does not exist, or if no terrain point is visible in both frames.
+    /// For each frame, the mean absolute difference in luminance from each of the four previous frames, over the followed pixels: all pixels at a
+    /// lag of 1, a quarter of them at larger lags. `None` if the frame is not measured, if the earlier frame does not exist, or if no followed pixel
+    /// shows a terrain point that is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
-    /// 95th percentile of the absolute difference in luminance from the previous frame, over all measured frames.
+    /// 95th percentile of the absolute difference in luminance from the previous frame, over a quarter of the pixels of each measured frame.
     pub(super) p95: Option<f64>,
 }
 
@@ -273,7 +274,8 @@ fn sample_point(batch: u32, i: u32) -> [f64; 2] {
 
 impl Runner<'_> {
     /// Renders the reference sequences of a view, and its converged reference at the last frame. Stores their pictures. Returns rows that say how
-    /// accurate the converged reference is, how the sequences change from frame to frame, and how many of their pixels are invalid.
+    /// accurate the converged reference is, how much of it shows terrain, how the sequences change from frame to frame, and how many pixels of the
+    /// sequences are invalid.
     pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let (gpu, definition) = (self.gpu, self.definition);
         let stage = self.stage.as_mut().context("the renderer was not prepared")?;
@@ -471,8 +473,8 @@ impl Changes {
     }
 }
 
-/// Returns the temporal resolves of a definition, grouped by their sample points. Resolves of one group have the same sequence of shaded pictures. The
-/// first group begins with [`Resolve::Off`], even if the definition does not list it.
+/// Returns the temporal resolves of a definition, grouped by their sample points. Resolves of one group have the same sequence of shaded pictures.
+/// The first group begins with [`Resolve::Off`], even if the definition does not list it.
 fn by_sample_points(names: &[String]) -> Result<Vec<Vec<Resolve>>> {
     let mut groups = vec![vec![Resolve::Off]];
     for name in names {

@@ -97,10 +97,10 @@ impl Runner<'_> {
             })
         };
 
-        // The meter compares each frame with the 4 previous frames, or with fewer at the start of the sequence.
         let tracks: Vec<Track> =
             signals.iter().flat_map(|&signal| variants.iter().map(move |_| Track { signal, resolve: how.resolve })).collect();
         let composed: Vec<Option<Variant>> = signals.iter().flat_map(|_| variants.iter().copied()).collect();
+        // The meter compares each frame with the 4 previous frames, or with fewer at the start of the sequence.
         let mut meter = stage.renderer.meter(size, &tracks, Some(definition.viewing.of_meter()))?;
         let mut followed: Vec<Followed> = tracks.iter().map(|track| Followed::new(track.signal, sequence)).collect();
         let mut filter = PerceivedFilter::new(size, definition.viewing.pixels_per_degree);
@@ -109,7 +109,7 @@ impl Runner<'_> {
             step(u64::from(frame), total);
             check_interrupted()?;
             let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
-            let request = request(pose, frame);
+            let request = stage.streamed.request(&mut stage.renderer, definition, &of_frame, &unit.view, frame, request(pose, frame))?;
             let layers = stage.draw(&request, needed)?;
             for (&signal, picture) in signals.iter().zip(truth.next(signals.len())?) {
                 meter.write_reference(self.gpu, signal, &picture);
@@ -147,7 +147,7 @@ impl Runner<'_> {
         step(u64::from(frames), total);
         let last = frames - 1;
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
-        let judged = request(pose, last);
+        let judged = stage.streamed.request(&mut stage.renderer, definition, &of_frame, &unit.view, last, request(pose, last))?;
         let mut sheet = pictures::Sheet::new(folder, unit);
         self.errors(how, &choices, &labels, &meter, &reference, &signals, &mut sheet, &mut rows)?;
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;

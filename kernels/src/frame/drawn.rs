@@ -95,8 +95,8 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
     }
 
     /// Links each pixel of this frame to the previous frame, which is the frame of the previous call with these `links`. Returns, for each pixel,
-    /// the index of the pixel of the previous frame that showed the same surface point; [`NO_LINK`](crate::motion::NO_LINK) = the point was not
-    /// visible in the previous frame, or there was no previous call.
+    /// the index of the pixel of the previous frame that showed the same surface point; [`NO_LINK`](crate::motion::NO_LINK) = the pixel shows no
+    /// terrain, the point was not visible in the previous frame, or there was no previous call.
     ///
     /// # Errors
     /// When `links` are for pictures of a different size or the device fails.
@@ -123,8 +123,9 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         rec.submit()
     }
 
-    /// Composes the picture of each stream of `meter`, and compares it with the stream's pictures of earlier frames. `variants` has one entry per
-    /// stream; `None` = each pixel has the flavours that it needs. Returns the sums of each stream, and the device times of the passes.
+    /// Composes the picture of each stream of `meter`, and compares it with the stream's pictures of earlier frames and, if the meter has them, with
+    /// the pictures of the reference sequence. `variants` has one entry per stream; `None` = each pixel has the flavours that it needs.
+    /// Returns the sums of each stream, and the device times of the passes.
     ///
     /// # Errors
     /// When the device fails.

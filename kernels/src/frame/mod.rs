@@ -1,7 +1,6 @@
 //! The frame: [`Renderer::draw`] calls the stages in order; the result of one stage is an argument of the next.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::base::error::{Error, Result};
@@ -16,7 +15,7 @@ use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
 use crate::metrics::{Meter, Track, Viewing};
 use crate::motion::Links;
-use crate::quadtree;
+use crate::quadtree::{self, Lag};
 use crate::residency::Streaming;
 use crate::scene::demands::Demands;
 use crate::scene::{self, Scene};
@@ -28,6 +27,7 @@ use crate::view::camera::View;
 use crate::virtual_texture;
 use crate::world::{NodeId, PaletteMeans, World};
 
+mod arrive;
 mod drawn;
 mod edit;
 pub mod export;
@@ -89,6 +89,7 @@ pub struct Renderer<'a> {
     /// Counts of the nodes and texture layers that were rebuilt because of edits since the last frame.
     edited: EditCounts,
     streaming: Streaming,
+    arrived: arrive::Arrived,
     terrain: Terrain,
     stages: Stages,
     /// The shader texts that replaced embedded texts when the stages were built.
@@ -109,6 +110,7 @@ struct Drawn {
     patches: usize,
     triangles: usize,
     culled: CullCounts,
+    lag: Lag,
 }
 
 /// The nodes of a frame.
@@ -117,8 +119,10 @@ struct Selected {
     visited: Vec<NodeId>,
     /// The nodes to draw.
     drawn: Vec<NodeId>,
-    /// The levels of their patches.
+    /// The levels of the patches of the nodes to draw.
     levels: Levels,
+    /// How much coarser they are than they would be if all nodes were available.
+    lag: Lag,
 }
 
 impl<'a> Renderer<'a> {
@@ -161,6 +165,7 @@ impl<'a> Renderer<'a> {
             former: None,
             edited: EditCounts::default(),
             streaming,
+            arrived: arrive::Arrived::default(),
             terrain,
             stages,
             sources,
@@ -196,7 +201,8 @@ impl<'a> Renderer<'a> {
         &self.gpu
     }
 
-    /// Elevation of the drawn ground at the world position (`x`, `y`), metres.
+    /// Elevation of the ground at the world position (`x`, `y`), metres, as drawn at the finest LOD. [`Renderer::drawn_ground_m`] returns the
+    /// elevation as a request draws it.
     pub fn ground_m(&self, x: f64, y: f64) -> f64 {
         self.world.surface_height_m(x, y)
     }
@@ -295,6 +301,7 @@ impl<'a> Renderer<'a> {
                     patches: culled.patches.len(),
                     triangles: 0,
                     culled: culled.counts,
+                    lag: selected.lag,
                 };
                 listed = Some(list);
                 drawn
@@ -346,6 +353,7 @@ impl<'a> Renderer<'a> {
             patches: drawn.patches,
             triangles: drawn.triangles,
             culled: drawn.culled,
+            lag: drawn.lag,
             drawn: drawn.nodes.clone(),
             levels: Arc::clone(&drawn.levels),
             atlas: self.streaming.counts(),
@@ -368,6 +376,7 @@ impl<'a> Renderer<'a> {
                 rows: vec![
                     row("Nodes visited", drawn.visited.len()),
                     row("Nodes selected", drawn.nodes.len()),
+                    row("Ground drawn too coarse, because nodes have not arrived", format!("{:.1} %", 100.0 * drawn.lag.share)),
                     row("Patches drawn", drawn.patches),
                     row("Triangles drawn", drawn.triangles),
                     row("Patches outside the frustum", drawn.culled.outside),
@@ -390,8 +399,8 @@ impl<'a> Renderer<'a> {
     }
 
     /// Draws the view once for each flavour in `flavours`. Each time, every pixel is shaded by this flavour alone, and the result is copied into
-    /// `layers`. The pictures of all variants can be composed from these layers. Fetches are counted and choices recorded. The geometry of the last
-    /// frame is reused if its [`GeometryKey`] is the same.
+    /// `layers`. From these layers, the picture of each variant that consists of these flavours can be composed. Fetches are counted and choices
+    /// recorded. The geometry of the last frame is reused if its [`GeometryKey`] is the same.
     ///
     /// # Errors
     /// The same errors as [`Renderer::render`].
@@ -459,25 +468,16 @@ impl<'a> Renderer<'a> {
 
     /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the levels of their patches.
     fn select(&mut self, request: &RenderRequest, eye: &View) -> Result<Selected> {
-        self.streaming.begin_frame();
-        let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
-        let done = AtomicU64::new(0);
-        let selection = quadtree::select(world, eye, request.geometry.lod_bias, |nodes| {
-            let on_baked = || {
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
-            };
-            streaming.load(gpu, world, means, nodes, &on_baked)
-        })?;
+        let selection = self.select_nodes(request, eye)?;
         let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
-        self.terrain.update(gpu, slots);
+        self.terrain.update(&self.gpu, slots);
         let GeometryRequest { vertex_stride, error_px, .. } = request.geometry;
         let nodes = self.nodes_of(&selection.drawn);
         let levels = Levels::of(&nodes, self.world.layout(), eye, vertex_stride.ilog2() as u8, error_px);
-        Ok(Selected { visited: selection.visited, drawn: selection.drawn, levels })
+        Ok(Selected { lag: quadtree::lag(&selection), visited: selection.visited, drawn: selection.drawn, levels })
     }
 
-    /// The slots and bounds of nodes that are resident.
+    /// Those of `nodes` that are resident, each with its slot, its bounds and the bounds of its patches.
     fn nodes_of(&self, nodes: &[NodeId]) -> Vec<DrawnNode<'_>> {
         let resident = |&node: &NodeId| {
             let (slot, bounds) = self.streaming.get(node)?;

@@ -6,6 +6,7 @@ use crate::base::section::Section;
 use crate::culling::{CullCounts, Levels};
 use crate::frame::edit::EditCounts;
 use crate::gpu::PassTime;
+use crate::quadtree::Lag;
 use crate::residency::AtlasCounts;
 use crate::virtual_texture::{CacheCounts, PageCounts};
 use crate::world::NodeId;
@@ -15,12 +16,13 @@ use crate::world::NodeId;
 pub struct FrameReport {
     /// Time of each pass on the device. The times of passes of the same name are added.
     pub passes: Vec<PassTime>,
-    /// Wall-clock time in which the CPU selected, loaded and culled nodes and uploaded the list of patches, milliseconds; 0 if the geometry of the last
-    /// frame was reused.
+    /// Wall-clock time in which the CPU selected and loaded nodes, culled patches, and uploaded the list of patches, milliseconds; 0 if the
+    /// geometry of the last frame was reused.
     pub selection_ms: f64,
     /// Number of nodes visited: the nodes selected for drawing, and their ancestors in the quadtree.
     pub visited: usize,
-    /// Number of nodes that were not resident and were therefore baked for this frame.
+    /// Number of nodes that were not resident and were therefore baked, for this frame and for calls of
+    /// [`Renderer::drawn_ground_m`](crate::frame::Renderer::drawn_ground_m) before it; 0 if the geometry of the last frame was reused.
     pub loaded: usize,
     /// Counts of the nodes and texture layers that were rebuilt since the previous frame, because the scene was edited.
     pub edited: EditCounts,
@@ -32,9 +34,11 @@ pub struct FrameReport {
     pub triangles: usize,
     /// Numbers of the patches of selected nodes that were not drawn.
     pub culled: CullCounts,
+    /// How much coarser the nodes are than they would be if all nodes were available; zero if [`Residency::Settled`](crate::residency::Residency::Settled) was requested.
+    pub lag: Lag,
     /// The nodes selected for drawing; they cover the ground and do not overlap.
     pub drawn: Vec<NodeId>,
-    /// The levels of their patches.
+    /// The levels of the patches of the nodes in `drawn`.
     pub levels: Arc<Levels>,
     /// Counts of the atlases, after the nodes of this frame were loaded.
     pub atlas: AtlasCounts,

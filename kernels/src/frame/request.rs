@@ -5,6 +5,7 @@ use crate::base::error::{Error, Result};
 use crate::classification;
 use crate::culling::Culls;
 use crate::frame::picture::AovSet;
+use crate::residency::Residency;
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
 use crate::temporal::SamplePattern;
@@ -52,8 +53,8 @@ pub struct GeometryRequest {
     /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split, unless the upper bound of
     /// [`SPLIT_RATIO`](crate::quadtree::SPLIT_RATIO) limits this distance.
     pub lod_bias: f64,
-    /// Vertex decimation: at most every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures
-    /// of the ground keep their resolution.
+    /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn, see
+    /// [`STRIDES`](crate::geometry::STRIDES). The textures of the ground keep their resolution.
     pub vertex_stride: u32,
     /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch; 0 = every patch has the stride
     /// `vertex_stride`. See [`Levels::of`](crate::culling::Levels::of).
@@ -61,9 +62,11 @@ pub struct GeometryRequest {
     /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
     /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
     pub culled_from: Option<Pose>,
+    /// The nodes from which the frame is selected.
+    pub residency: Residency,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
-    /// The tests that remove patches, and the order of drawing. They do not change the picture (see [`crate::culling`]).
+    /// The tests that remove patches, and the order of drawing. They should not change the picture; [`crate::culling`] names two rare exceptions.
     pub culls: Culls,
 }
 

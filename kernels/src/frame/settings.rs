@@ -10,6 +10,7 @@ use crate::culling::Culls;
 use crate::frame::picture::AovSet;
 use crate::geometry;
 use crate::quadtree::LOD_BIASES;
+use crate::residency::{CAPACITY, Loading, Residency, Schedule};
 use crate::settings::{self, Field, Home, Kind, Listing, Range, Setting, named, table};
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
@@ -26,6 +27,8 @@ const AUTOMATIC: &str = "auto";
 
 const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
 const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
+/// Settings that only have an effect on a sequence of pictures.
+const STREAMED: Listing = Listing::new("Streaming", &[Home::Definition, Home::Option]);
 /// This listing and the next two are for settings whose values a definition gives as lists: `variants`, `estimators` and `noises`.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
 const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
@@ -60,16 +63,24 @@ table! {
         /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
             GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
-        /// Vertex decimation: draw at most every 1st, 2nd or 4th vertex along a node's side. Textures keep their resolution, but ridges lose
-        /// detail.
+        /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn. Textures keep their
+        /// resolution, but ridges lose detail. On a software adapter, the default of the workbench is 4.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
         /// Draw fewer vertices of a patch where this moves the ground by at most this distance on the screen, except where patches with different
         /// vertices meet. 0 draws all vertices that the vertex stride leaves.
         geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
+        /// Which terrain nodes can be drawn. `settled`: all, so each picture waits for its nodes. `scheduled`: those that have arrived. Pictures of a
+        /// moving camera then show coarser ground where nodes are late. All nodes of the first picture have arrived.
+        residency: Loading = Loading::Settled, "", Kind::Name(|| Loading::ALL.map(Loading::name).to_vec()), STREAMED;
+        /// Largest number of nodes that are requested per frame if residency is scheduled.
+        nodes_per_frame: u32 = Schedule::default().nodes_per_frame, "", Kind::Whole(1, CAPACITY), STREAMED;
+        /// Number of frames from the request of a node to the first frame that can draw it, if residency is scheduled.
+        latency: u32 = Schedule::default().latency_frames, "frames", Kind::Whole(1, 600), STREAMED;
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// The area for which a variant is chosen: each tile of the screen, or each patch of the terrain.
+        /// The area whose pixels share a variant when `tile_fetches_per_px` is computed: each tile of the screen, or each patch of the terrain. The
+        /// shading passes always use tiles.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }
@@ -114,7 +125,7 @@ impl Field for Option<Variant> {
     }
 }
 
-named!(Estimator, NoiseKind, NormalEncoding, ClassifyBy);
+named!(Estimator, NoiseKind, NormalEncoding, Loading, ClassifyBy);
 
 /// Returns every setting of a frame: first the settings of the frame itself, then the settings of its stages.
 pub fn settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
@@ -153,7 +164,14 @@ impl FrameSettings {
         }
     }
 
-    /// The request of a frame with these settings. The tile size is an option of the renderer ([`super::RendererOptions`]).
+    /// The schedule of streaming; `None` if residency is settled.
+    pub fn schedule(&self) -> Option<Schedule> {
+        let schedule = Schedule { nodes_per_frame: self.nodes_per_frame, latency_frames: self.latency };
+        (self.residency == Loading::Scheduled).then_some(schedule)
+    }
+
+    /// The request of a frame with these settings, with settled residency ([`Renderer::arrive`](super::Renderer::arrive) gives the residency of
+    /// a scheduled frame). The tile size is an option of the renderer ([`super::RendererOptions`]).
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
         RenderRequest {
             view: ViewRequest { pose, size, jitter: [0.0; 2] },
@@ -162,6 +180,7 @@ impl FrameSettings {
                 vertex_stride: self.vertex_stride,
                 error_px: self.geometry_error,
                 culled_from: None,
+                residency: Residency::Settled,
                 normals: self.normals,
                 culls: Culls::ALL,
             },

@@ -107,7 +107,7 @@ stages! {
     occlusion: Occlusion,
     /// Writes the tile list of each variant.
     classification: Classification,
-    /// Renders pages of the virtual texture.
+    /// Requests and renders pages of the virtual texture, and writes the page table.
     virtual_texture: VirtualTexture,
     /// Writes the G-buffer.
     shading: Shading,

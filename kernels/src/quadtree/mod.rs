@@ -17,7 +17,7 @@ mod detail;
 
 pub use detail::{COARSE_STRIDES, stride_errors};
 
-/// The data of a loaded node that the traversal uses.
+/// The data of a loaded node that the traversal and culling use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeBounds {
     /// Lowest and highest elevation, metres.
@@ -60,6 +60,19 @@ impl PatchBounds {
     }
 }
 
+/// A node that is not visited, but would be if all nodes were available.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// The node.
+    pub node: NodeId,
+    /// Whether it is available. It is not visited if one of its ancestors is not split.
+    pub is_available: bool,
+    /// Distance of the parent from the camera, divided by the edge length of the parent.
+    pub distance: f64,
+    /// Whether the parent may be in the frustum.
+    pub is_in_view: bool,
+}
+
 /// The nodes of one frame.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
@@ -67,6 +80,9 @@ pub struct Selection {
     pub visited: Vec<NodeId>,
     /// The nodes to draw. They cover the whole ground and do not overlap.
     pub drawn: Vec<NodeId>,
+    /// The nodes that are not visited, but would be if all nodes were available. Their elevations may be unknown, so the range of elevations of the
+    /// nearest visited ancestor is used. It contains their own range, so a few nodes too many may be wanted, but none is left out.
+    pub wanted: Vec<Wanted>,
 }
 
 /// Largest height of a quad on the screen, pixels, without a LOD bias. A node is split if, at its point nearest to the camera, a quad would be taller
@@ -106,8 +122,40 @@ pub fn patch_box(node: NodeId, patch: [u32; 2], height_m: [f64; 2], layout: &Lay
 /// Limits of the LOD bias, see [`select`].
 pub const LOD_BIASES: [f64; 2] = [-2.0, 4.0];
 
-/// Traverses the tree. `lod_bias`: the number of levels by which the nodes are coarser than usual. Negative values make them finer, up to
-/// the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one
+/// The conditions under which nodes are split.
+struct Rule<'a> {
+    world: &'a World,
+    view: &'a View,
+    ratio: f64,
+}
+
+impl Rule<'_> {
+    /// Returns the children of a node if the camera is near enough, and the distance of the node divided by its edge length. There are no children
+    /// if the camera is too far away or the node has the finest LOD.
+    fn children(&self, node: NodeId, bounds: NodeBounds) -> (Vec<NodeId>, f64) {
+        let layout = self.world.layout();
+        let (low, high) = local_box(node, bounds, layout, self.view);
+        let distance = self.view.camera.clamp(low, high).distance(self.view.camera);
+        let is_split = distance < self.ratio * layout.node_m(node.lod) && node.lod > layout.finest_lod;
+        let existing = |children: [NodeId; 4]| children.into_iter().filter(|&child| self.world.exists(child)).collect();
+        (if is_split { existing(node.children()) } else { Vec::new() }, distance / layout.node_m(node.lod))
+    }
+
+    /// Adds the nodes below `node` that would be visited if all nodes were available. `bounds`: bounds of the nearest visited ancestor.
+    fn want(&self, node: NodeId, bounds: NodeBounds, is_available: &impl Fn(NodeId) -> bool, wanted: &mut Vec<Wanted>) {
+        let (children, distance) = self.children(node, bounds);
+        let (low, high) = local_box(node, bounds, self.world.layout(), self.view);
+        let is_in_view = self.view.sees(low, high);
+        for child in children {
+            wanted.push(Wanted { node: child, is_available: is_available(child), distance, is_in_view });
+            self.want(child, bounds, is_available, wanted);
+        }
+    }
+}
+
+/// Traverses the tree. A node is split if the camera is near and all its children are available, so the drawn nodes cover the ground whatever is
+/// available. The roots are always available. `lod_bias`: the number of levels by which the nodes are coarser than usual. Negative values make them
+/// finer, up to the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one
 /// level, and returns their bounds in the same order.
 ///
 /// # Errors
@@ -116,10 +164,10 @@ pub fn select<E>(
     world: &World,
     view: &View,
     lod_bias: f64,
+    is_available: impl Fn(NodeId) -> bool,
     mut load: impl FnMut(&[NodeId]) -> std::result::Result<Vec<NodeBounds>, E>,
 ) -> std::result::Result<Selection, E> {
-    let layout = world.layout();
-    let ratio = split_ratio(view, lod_bias);
+    let rule = Rule { world, view, ratio: split_ratio(view, lod_bias) };
     let mut selection = Selection::default();
     let mut level: Vec<NodeId> = NodeId::roots().filter(|&node| world.exists(node)).collect();
     while !level.is_empty() {
@@ -127,17 +175,12 @@ pub fn select<E>(
         selection.visited.extend_from_slice(&level);
         let mut next = Vec::new();
         for (&node, &bounds) in level.iter().zip(&bounds) {
-            let (low, high) = local_box(node, bounds, layout, view);
-            let is_near = view.camera.clamp(low, high).distance(view.camera) < ratio * layout.node_m(node.lod);
-            let children: Vec<NodeId> = if is_near && node.lod > layout.finest_lod {
-                node.children().into_iter().filter(|&c| world.exists(c)).collect()
-            } else {
-                Vec::new()
-            };
-            if children.is_empty() {
-                selection.drawn.push(node);
-            } else {
+            let (children, _) = rule.children(node, bounds);
+            if !children.is_empty() && children.iter().all(|&child| is_available(child)) {
                 next.extend(children);
+            } else {
+                selection.drawn.push(node);
+                rule.want(node, bounds, &is_available, &mut selection.wanted);
             }
         }
         level = next;
@@ -145,16 +188,50 @@ pub fn select<E>(
     Ok(selection)
 }
 
+/// How much coarser the drawn nodes are than those that would be drawn if all nodes were available.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lag {
+    /// Share of the sectors in which a coarser node is drawn, 0..=1.
+    pub share: f64,
+    /// Mean number of levels by which the drawn nodes are coarser, over the sectors of `share`; 0 if there are none.
+    pub levels: f64,
+    /// Largest number of levels in any sector.
+    pub largest: u8,
+}
+
+/// Compares the drawn nodes with the wanted ones.
+pub fn lag(selection: &Selection) -> Lag {
+    let mut wanted = lod_map(&selection.drawn);
+    let drawn = wanted.clone();
+    // The finest of the wanted nodes of a sector is the one that would be drawn there.
+    for Wanted { node, .. } in &selection.wanted {
+        for_sectors(*node, |row| row.iter_mut().for_each(|lod| *lod = (*lod).min(node.lod)), &mut wanted);
+    }
+    let differences: Vec<u8> = drawn.iter().zip(&wanted).map(|(drawn, wanted)| drawn - wanted).filter(|&n| n > 0).collect();
+    let covered: usize = selection.drawn.iter().map(|node| 1usize << (2 * node.lod)).sum();
+    let sum: f64 = differences.iter().copied().map(f64::from).sum();
+    Lag {
+        share: differences.len() as f64 / covered.max(1) as f64,
+        levels: sum / differences.len().max(1) as f64,
+        largest: differences.into_iter().max().unwrap_or(0),
+    }
+}
+
+/// Calls `change` with each row of the sectors that a node covers. `map` has an entry for each sector, row by row from the south.
+fn for_sectors<T>(node: NodeId, mut change: impl FnMut(&mut [T]), map: &mut [T]) {
+    let edge = 1usize << node.lod;
+    let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
+    for row in y..y + edge {
+        change(&mut map[row * usize::from(SECTORS) + x..][..edge]);
+    }
+}
+
 /// Returns the LOD drawn in each sector, row by row from the south. Sectors in which no node is drawn have the value 0, the finest LOD, so that
 /// no patch is stitched to them.
 pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
-    for node in drawn {
-        let edge = 1usize << node.lod;
-        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
-        for row in y..y + edge {
-            map[row * usize::from(SECTORS) + x..][..edge].fill(node.lod);
-        }
+    for &node in drawn {
+        for_sectors(node, |row| row.fill(node.lod), &mut map);
     }
     map
 }
@@ -178,13 +255,8 @@ pub fn sector_data(nodes: impl Iterator<Item = (NodeId, u32)>) -> Vec<[u32; 2]> 
     let mut packed = vec![0u64; usize::from(SECTORS) * usize::from(SECTORS)];
     for (node, slot) in nodes {
         debug_assert!((1..1 << SLOT_BITS).contains(&slot) && node.lod < LODS);
-        let edge = 1usize << node.lod;
-        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
-        for row in y..y + edge {
-            for entry in &mut packed[row * usize::from(SECTORS) + x..][..edge] {
-                *entry |= u64::from(slot) << (u32::from(node.lod) * SLOT_BITS);
-            }
-        }
+        let bits = u64::from(slot) << (u32::from(node.lod) * SLOT_BITS);
+        for_sectors(node, |row| row.iter_mut().for_each(|entry| *entry |= bits), &mut packed);
     }
     packed.into_iter().map(|bits| [bits as u32, (bits >> 32) as u32]).collect()
 }

@@ -3,7 +3,7 @@
 //! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
 //! Source: Moore, GDC 2018, "Stream Quad Tree" and the part of the talk on terrain data. An atlas is an array texture in which each slot is a layer,
 //! so filtering never reads a neighbouring node. Slots count from 1 (ruling 9 in `ARCHITECTURE.md`), because 0 means "not loaded". A frame waits for
-//! every node that it visits, so that a picture does not depend on what was loaded before.
+//! every node that it visits, so that a picture does not depend on what was loaded before. [`Arrivals`] simulates that nodes arrive late.
 //!
 //! Limits: at most 512 nodes are resident at once. If a view needs more nodes in one frame, it is refused with an error that says what to change.
 
@@ -18,6 +18,10 @@ use crate::quadtree::{NodeBounds, PatchBounds};
 use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
+
+mod schedule;
+
+pub use schedule::{Arrivals, Loading, NodeSet, Residency, Schedule};
 
 /// Largest number of resident nodes. The talk says about 500.
 pub const CAPACITY: u32 = 512;
@@ -101,11 +105,10 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
         let edge = u32::try_from(texels).expect("the edge of a node has some hundred texels");
         TextureUse::new(name, format, edge, 1, CAPACITY + 1, reason)
     };
-    let baked = "far atlas, and pixels whose page is missing";
     vec![
         node("node height", Format::R16Unorm, HEIGHT_SIDE, "the terrain's shape"),
-        node("node normal", Format::Bc3RgbaUnorm, TEXTURE_SIDE, baked),
-        node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, baked),
+        node("node normal", Format::Bc3RgbaUnorm, TEXTURE_SIDE, "the shading normal of every pixel"),
+        node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, "holes, far atlas, and pixels whose page is missing"),
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
         // The splat map is needed even if no flavour of the scene samples it, because errors are measured against the full blend.
@@ -176,9 +179,9 @@ impl Streaming {
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
             let source = self.keeps_ground.then_some((ground, cover));
-            // If the node was evicted earlier, pages of the virtual texture may have been rendered from it with older materials. The new
-            // revision marks such pages as stale.
             let patches = PatchBounds::of(world, &payload);
+            // If the node was evicted earlier, pages of the virtual texture may have been rendered from it with older materials. The node gets
+            // the current revision, which marks such pages as stale.
             let resident = Resident { slot, bounds, patches, used: self.frame, revision: self.revision, source };
             self.resident.insert(payload.id, resident);
             self.loaded += 1;

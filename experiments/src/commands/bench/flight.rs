@@ -15,10 +15,13 @@ const PICTURES: u32 = 32;
 /// The target of the project for the share of patches that culling removes on the flight, as text.
 const TARGET: &str = "at least 60 %";
 
-/// The flight on which culled patches are counted: 10 km in a straight line from the south-west to the north-east of the built-in world, 30 m above
+/// Length of the flight, metres.
+pub(super) const LENGTH_M: f64 = 10_000.0;
+
+/// Returns a camera pose of the flight: 10 km in a straight line from the south-west to the north-east of the built-in world, 30 m above
 /// the ground, with the camera pitched down by 10 degrees. `t`: 0 = start, 1 = end.
-fn pose(t: f64, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
-    let along = (t - 0.5) * 10_000.0 * std::f64::consts::FRAC_1_SQRT_2;
+pub(super) fn pose(t: f64, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
+    let along = (t - 0.5) * LENGTH_M * std::f64::consts::FRAC_1_SQRT_2;
     Pose {
         position: DVec3::new(along, along, ground_m(along, along) + 30.0),
         yaw: 45f64.to_radians(),

@@ -1,0 +1,164 @@
+//! Simulated streaming: the nodes that have arrived in each frame, as a function of the earlier views.
+//!
+//! Source: Moore, GDC 2018, "Stream Quad Tree": the terrain is drawn correctly whatever has arrived. Real loading depends on the disk, on threads and
+//! on the clock, so its pictures cannot be repeated. Here, a node arrives a fixed number of frames after its request, and a limited number of nodes is
+//! requested per frame. So a frame depends only on the views of the frames before it, and not on what the atlases hold: a node that has arrived and
+//! was replaced in the atlases is baked again when it is visited.
+
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::CAPACITY;
+use crate::quadtree::{Selection, Wanted};
+use crate::world::{LODS, NodeId};
+
+/// The nodes from which a frame is selected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Residency {
+    /// All nodes. The frame waits for those that it visits.
+    #[default]
+    Settled,
+    /// The nodes that have arrived in a frame of a [`Arrivals`]. The number identifies the set of nodes
+    /// ([`Renderer::arrive`](crate::frame::Renderer::arrive)).
+    Arrived(u64),
+}
+
+/// The setting from which the [`Residency`] of a frame follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loading {
+    /// [`Residency::Settled`].
+    #[default]
+    Settled,
+    /// [`Residency::Arrived`], with a [`Schedule`].
+    Scheduled,
+}
+
+impl Loading {
+    /// Both values.
+    pub const ALL: [Loading; 2] = [Loading::Settled, Loading::Scheduled];
+
+    /// The name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Loading::Settled => "settled",
+            Loading::Scheduled => "scheduled",
+        }
+    }
+}
+
+/// The speed of simulated streaming.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    /// Largest number of nodes that are requested in one frame, from 1.
+    pub nodes_per_frame: u32,
+    /// Number of frames from the request of a node to the first frame that can draw it, from 1.
+    pub latency_frames: u32,
+}
+
+impl Default for Schedule {
+    /// A payload has 72 419 bytes, so 8 nodes per frame are at most 17 MB/s at 30 frames per second.
+    fn default() -> Schedule {
+        Schedule { nodes_per_frame: 8, latency_frames: 8 }
+    }
+}
+
+/// A set of nodes.
+pub type NodeSet = Arc<BTreeSet<NodeId>>;
+
+/// The state of simulated streaming.
+#[derive(Clone, Debug)]
+pub struct Arrivals {
+    schedule: Schedule,
+    /// Number of the next frame.
+    frame: u64,
+    /// The nodes that have arrived, without the roots, with the last frame that visited each of them.
+    used: BTreeMap<NodeId, u64>,
+    /// The nodes that were requested, with the first frame that can draw each of them.
+    requested: BTreeMap<NodeId, u64>,
+    arrived: NodeSet,
+}
+
+fn is_root(node: NodeId) -> bool {
+    node.lod + 1 == LODS
+}
+
+impl Arrivals {
+    /// Starts the simulation. `nodes`: the nodes that have arrived before the first frame. The roots have always arrived and are never replaced.
+    pub fn new(schedule: Schedule, nodes: impl IntoIterator<Item = NodeId>) -> Arrivals {
+        let mut arrivals = Arrivals { schedule, frame: 0, used: BTreeMap::new(), requested: BTreeMap::new(), arrived: NodeSet::default() };
+        let room = arrivals.room();
+        arrivals.used = nodes.into_iter().filter(|&node| !is_root(node)).take(room).map(|node| (node, 0)).collect();
+        arrivals.publish();
+        arrivals
+    }
+
+    /// Largest number of nodes without the roots.
+    fn room(&self) -> usize {
+        CAPACITY as usize - NodeId::roots().count()
+    }
+
+    fn publish(&mut self) {
+        self.arrived = Arc::new(NodeId::roots().chain(self.used.keys().copied()).collect());
+    }
+
+    /// The nodes that have arrived before the next frame, the roots included.
+    pub fn arrived(&self) -> &NodeSet {
+        &self.arrived
+    }
+
+    /// Number of nodes that were requested and have not arrived.
+    pub fn pending(&self) -> usize {
+        self.requested.len()
+    }
+
+    /// Ends a frame that drew `selection`. The most urgent of its wanted nodes are requested. Nodes arrive that the next frame can draw. If the
+    /// atlases have no room for a node, it replaces the node whose last visit is the longest ago. Nodes of the ended frame are not replaced: if there
+    /// are no others, the node that arrives is discarded, and has to be requested again.
+    pub fn step(&mut self, selection: &Selection) {
+        // Available nodes below a missing one count as visited, so that they are not replaced before they can be drawn.
+        let held = selection.wanted.iter().filter(|wanted| wanted.is_available).map(|wanted| &wanted.node);
+        for node in selection.visited.iter().chain(held) {
+            if let Some(used) = self.used.get_mut(node) {
+                *used = self.frame;
+            }
+        }
+        let mut wanted: Vec<&Wanted> =
+            selection.wanted.iter().filter(|wanted| !wanted.is_available && !self.requested.contains_key(&wanted.node)).collect();
+        wanted.sort_by(|a, b| urgency(a, b));
+        for wanted in wanted.into_iter().take(self.schedule.nodes_per_frame as usize) {
+            self.requested.insert(wanted.node, self.frame + u64::from(self.schedule.latency_frames));
+        }
+        let ended = self.frame;
+        self.frame += 1;
+        let due: Vec<NodeId> = self.requested.iter().filter(|(_, frame)| **frame <= self.frame).map(|(&node, _)| node).collect();
+        if due.is_empty() {
+            return;
+        }
+        // The nodes that may be replaced, in the order in which they are replaced. A node is never visited more recently than its parent, so the finer
+        // of two nodes that were visited last in the same frame goes first.
+        let mut idle: Vec<(u64, NodeId)> = self.used.iter().filter(|(_, used)| **used < ended).map(|(&node, &used)| (used, node)).collect();
+        idle.sort_unstable();
+        let mut idle = idle.into_iter();
+        for node in due {
+            self.requested.remove(&node);
+            if self.used.len() >= self.room() {
+                let Some((_, oldest)) = idle.next() else { continue };
+                self.used.remove(&oldest);
+            }
+            self.used.insert(node, self.frame);
+        }
+        self.publish();
+    }
+}
+
+/// The order of requests: nodes whose parent is in view first, then those whose parent is nearest in units of its edge length, then coarse before
+/// fine. The identifiers decide the rest, so the order of the traversal does not matter. The children of a node are neighbours in this order, because
+/// a node is split only if all its children have arrived.
+fn urgency(a: &Wanted, b: &Wanted) -> Ordering {
+    (b.is_in_view.cmp(&a.is_in_view))
+        .then(a.distance.total_cmp(&b.distance))
+        .then(b.node.lod.cmp(&a.node.lod))
+        .then(a.node.parent().cmp(&b.node.parent()))
+        .then(a.node.cmp(&b.node))
+}
