@@ -2,9 +2,9 @@
 //! fuzzer.
 //!
 //! For any bytes, a reader must return a value or an error. It must not panic, it must not allocate more memory than the number of bytes justifies,
-//! and its error must be one line. A value must be within the documented ranges, and if it can be written, reading it again must give an equal value.
-//! Each function panics if a value or an error violates this; libFuzzer limits the memory. Otherwise, the function returns whether a reader accepted
-//! the bytes.
+//! and its error must be one line. A value must be within the documented ranges. If it can be written, reading what was written must give an equal
+//! value. Each function panics if a value or an error violates this; libFuzzer limits the memory. Otherwise, the function returns whether a reader
+//! accepted the bytes.
 
 use std::fmt::Display;
 use std::io::Cursor;
@@ -101,7 +101,7 @@ pub fn heightmap(bytes: &[u8]) -> bool {
     is_accepted
 }
 
-/// Reads the bytes as an image of a material, once for each meaning that its channels can have. Also takes each line of the bytes as the
+/// Reads the bytes as an image of a material, once for each of several meanings of its channels. Also takes each line of the bytes as the
 /// name of an image file, and assigns these files to materials. Returns whether the image was accepted with at least one meaning.
 pub fn material(bytes: &[u8]) -> bool {
     let mut is_accepted = false;

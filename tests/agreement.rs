@@ -40,7 +40,8 @@ struct Case {
     extremes: fn() -> Vec<Vec<f64>>,
     /// Limit of the number of rows whose result belongs to the other side of a threshold.
     other_side_at_most: usize,
-    /// Mutants of the shader: name of the shared file to change ("" = the probe's own text), the text to replace in it, and the replacement.
+    /// Mutants of the shader: the file to change, the text to replace in it, and the replacement. The file is given by the name of a shared file, by
+    /// a path in `kernels/src`, or as "" for the probe's own text.
     mutants: &'static [(&'static str, &'static str, &'static str)],
 }
 
@@ -75,7 +76,7 @@ impl Case {
     }
 
     /// Compares results with the truth, which is the reference in f64. Returns the largest error, as a share of its tolerance, and the number of rows
-    /// whose result belongs to the other side of a threshold. An error message says that results differ by more than their tolerance, or that the
+    /// whose result belongs to the other side of a threshold. Returns an error message if results differ by more than their tolerance, or if this
     /// number of rows exceeds its limit.
     fn compare(&self, rows: &[f64], got: &[f64]) -> Result<(f64, usize), String> {
         let probe = self.probe();
@@ -298,7 +299,7 @@ const CASES: &[Case] = &[
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
             // Mutants of the noises `world` and `white`, in this order: the cells of the next finer level are hashed; the level is not clamped; cells
-            // may be smaller than the step of f32 at the elevation; along the elevation, borders between cells lie at multiples of the cell's height;
+            // may be smaller than the steps of f32 at the position; along the elevation, borders between cells lie at multiples of the cell's height;
             // `white` noise does not change from frame to frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
             ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));", "let k = level;"),
@@ -1015,7 +1016,7 @@ fn along_y(position: DVec3, half_width: f64, width: u32) -> View {
 #[test]
 fn pixels_of_probes_are_those_of_the_frame() {
     // The probes `depth-position` and `reprojection` compute their cameras themselves. The positions of their pixels must agree with those of the
-    // renderer's camera, at the corners of the picture, in its middle, and at a random point.
+    // renderer's camera, at two opposite corners of the picture, in its middle, and at a random point.
     let [depth_position, reprojection] = ["depth-position", "reprojection"].map(|name| Probe::find(name).unwrap_or_else(|e| panic!("{e}")));
     let mut draw = Draw { row: 0, column: 0, table: 77 };
     for width in [2_u32, 64, 640, 1920, 8192] {
@@ -1310,8 +1311,8 @@ impl Scenery {
         lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Compares the 32 lists of tiles with the expected masks of the tiles. List 0 has all tiles with terrain, and list m has the tiles with mask m.
-    /// The order of the tiles in a list does not matter.
+    /// Compares the 32 lists of tiles with the expected masks of the tiles. List 0 has all tiles whose mask is not 0, and list m has the tiles with
+    /// mask m. The order of the tiles in a list does not matter.
     fn compare(&self, lists: &[Vec<u32>], masks: &[u8]) -> Result<(), String> {
         let columns = tiles(self.size)[0];
         let mut expected = vec![Vec::new(); 32];
@@ -1457,7 +1458,7 @@ fn classification_comparison_notices_differences() {
         let tile = l[used].pop().expect("used");
         l[if used == 1 { 2 } else { 1 }].push(tile);
     });
-    rejects("a mask with one additional bit", &|l| l[0][0] ^= 1 << 28);
+    rejects("a mask with one wrong bit", &|l| l[0][0] ^= 1 << 28);
     rejects("column and row exchanged", &|l| {
         for entry in &mut l[0] {
             *entry = (*entry & 0xff00_0000) | (*entry & 4095) << 12 | (*entry >> 12 & 4095);

@@ -14,7 +14,7 @@ use kernels::gpu::{GpuOptions, Sources};
 
 use crate::fixtures::{Folder, open, success};
 
-/// The definition of the runs. It has as many seeds as the recorded sweep, and about an eighth of its pixels.
+/// The definition of the runs. It has as many seeds as the recorded sweep. A picture has about an eighth of the pixels of a picture of the sweep.
 const TEXT: &str = r#"name = "planted"
 question = "Is a planted bias found?"
 size = [160, 96]
@@ -31,9 +31,9 @@ times = "none"
 "blend.anisotropy" = 1
 "#;
 
-/// The shader file of the estimator `fc5`. `LAST` is the last line of both of its functions (near cliff and far cliff). The exact blend does not use
-/// this file, so a change of the file causes a bias.
+/// The shader file of the estimator `fc5`. The exact blend does not use this file, so a change of the file causes a bias.
 const SHADER: &str = "shading/estimators/fc5.wgsl";
+/// The last line of both functions of the shader file (near cliff and far cliff).
 const LAST: &str = "    return sum;\n";
 /// Replaces `LAST`: adds one percent of the range of albedo to every pixel.
 const EVERYWHERE: &str = "    sum.albedo += vec3<f32>(0.01);\n    return sum;\n";

@@ -1,6 +1,6 @@
-//! Tests `experiments compare` and `experiments probe` with files that other programs wrote (`tests/cases`). Pictures may state windows, primaries,
-//! exponents, profiles, an orientation, alpha and layers; tables have different encodings, delimiters and decimal signs. Each of these statements
-//! must be applied, reported or refused.
+//! Tests `experiments compare` and `experiments probe` with files that other programs wrote (`tests/cases`), and with files that the tests make.
+//! Pictures may state windows, primaries, exponents, profiles, an orientation, alpha and layers; tables have different encodings, delimiters and
+//! decimal signs. Each of these properties must be applied, reported or refused.
 
 use std::fs;
 use std::io::BufReader;

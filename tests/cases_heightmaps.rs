@@ -1,5 +1,6 @@
-//! Tests the import of heightmaps that other programs wrote (`tests/cases`). Either all statements of a file about its samples are applied, and the
-//! heights agree with heights that do not come from this project (`truth.f32`); or the file is refused in one line that says how to mend it.
+//! Tests the import of heightmaps that other programs wrote (`tests/cases`), and of small files that the tests make. Either all statements of a file
+//! about its samples are applied, and the heights agree with the correct heights (for files of other programs: `truth.f32`, which does not come from
+//! this project); or the file is refused in one line that says how to mend it.
 
 use std::fs;
 use std::io::Cursor;
@@ -14,7 +15,8 @@ use kernels::world::World;
 
 use crate::fixtures::{Folder, case, failure, has, import_scene, one_line, success, usage_error};
 
-/// Height ranges, metres. `I16` and `U16` map 16-bit integers to metres of the same value. `R` is the range of the cases with normalised samples.
+/// Height ranges, metres. `I16` and `U16` map 16-bit integers to metres of the same value. `R` is the range of the cases whose samples are shares
+/// of a range.
 const I16: [f64; 2] = [-32_768.0, 32_767.0];
 const U16: [f64; 2] = [0.0, 65_535.0];
 const R: [f64; 2] = [300.0, 900.0];
@@ -297,7 +299,7 @@ fn maps_of_every_size_are_drawn_to_the_edge_of_their_data() {
             let [east, north] = world.extent_m().map(|length| length / 2.0);
             assert!(!world.is_hole(east, north) && world.is_hole(east + 1e-3, 0.0) && world.is_hole(0.0, -north - 1e-3), "{file}");
             // The corners of the drawn surface are the corners of the data. Heights are rounded to 16 bits twice: in the heightmap of the scene, and
-            // in the payload of a node. Each rounding changes a height by at most one step.
+            // in the payload of a node. Each rounding changes a height by at most one step, so a tolerance of three steps covers both.
             let (low, high) = world.height_range_m();
             let tolerance = 3.0 * (high - low) / 65_535.0;
             let (last_column, last_row) = (width as usize - 1, height as usize - 1);
@@ -701,7 +703,7 @@ fn strips_that_are_shorter_than_declared_are_damaged() {
     let mut file = tiff(&[([6, 5], 32, Vec::new(), slope())]);
     let read = |file: &[u8]| heightmap::decode(Cursor::new(file), Path::new("made.tif"), &plain());
     assert!(read(&file).is_ok());
-    // The entry of the length of the strip begins with tag 279, type 4 and count 1.
+    // The entry that states the length of the strip begins with tag 279, type 4 and count 1.
     let at = file.windows(8).position(|part| part == [23, 1, 4, 0, 1, 0, 0, 0]).expect("it states the length of its strip") + 8;
     file[at] = 100;
     has(&one_line(read(&file)), &["strip 0 has 100 bytes, but needs 120", "damaged"]);
@@ -890,7 +892,8 @@ fn worlds_of_imported_files_have_the_right_heights_at_the_right_places() {
     }
 }
 
-/// Compares the heights of a world with the right ones: at the samples, and at the places whose heights are stated in this file.
+/// Checks the extent, the heights and the holes of a world. The heights are compared at the samples, and at the places whose heights are stated in
+/// this file.
 fn check_world(world: &World, of: &Imported) {
     let Imported { file, spacing_m, .. } = of;
     let truth = truth(of.truth);
@@ -936,8 +939,8 @@ fn check_world(world: &World, of: &Imported) {
 fn what_a_killed_import_left_behind_is_removed_by_the_next_one() {
     let temp = Folder::new("cases-killed");
     let (source, out) = (case("07-south-up/south_up.tif").display().to_string(), temp.path("scene"));
-    // No process has such a high process id, so the folder `dead` counts as left behind by a killed import. The names in `others` are only similar,
-    // so their folders must be kept.
+    // No process locks the folder `dead`, so it counts as left behind by a killed import. Its number is too high to be the process id of this test.
+    // The names in `others` are only similar, so their folders must be kept.
     let (dead, others) = (temp.0.join(".scene.part-4294967294"), [".scene.part-", ".scene.part-x", ".other.part-4294967294"]);
     for name in [".scene.part-4294967294"].iter().chain(&others) {
         fs::create_dir(temp.0.join(name)).expect("created");

@@ -532,6 +532,11 @@ fn what_is_no_normal_map_is_refused() {
     // Normals whose lengths are far from 1 are reported and not refused, because the normals of scanned maps are often averaged.
     write(&folder, 8, &[("normal.png", [128, 128, 200])]);
     has(&surveyed(&temp.0).to_string(), &["normal.png: the lengths of 100 % of its vectors differ from 1"]);
+    // A quarter of the vectors points into the surface.
+    let pixel = |x: u32, _: u32| image::Rgb(if x < 2 { [128, 128, 40] } else { [128, 128, 255] });
+    image::RgbImage::from_fn(8, 8, pixel).save(&normal).expect("written");
+    let survey = surveyed(&temp.0);
+    has(&survey.to_string(), &["normal.png: 25.0 % of its vectors point into the surface; they are mirrored"]);
 }
 
 #[test]
@@ -576,7 +581,7 @@ fn what_files_say_about_their_texels_is_applied_or_refused() {
     let jpeg = fs::read(folder.join("albedo.jpg")).expect("readable");
     fs::write(folder.join("albedo.jpg"), &jpeg[..jpeg.len() - 20]).expect("written");
     has(&refusal(&surveyed(&temp.0)), &["albedo.jpg", "truncated"]);
-    // Cameras store a preview in an application segment. It has an end marker, which must not be taken for that of the picture.
+    // Cameras store a preview in an application segment. The preview has an end marker, which must not be taken for that of the picture.
     let length = u16::try_from(jpeg.len() + 2).expect("a small preview").to_be_bytes();
     let (start, rest) = jpeg.split_at(2);
     let with_preview = [start, b"\xff\xe1", &length, &jpeg, rest].concat();

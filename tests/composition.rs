@@ -1,5 +1,6 @@
 //! Tests of composition and of motion links. Compares the pictures that are composed from pictures of single flavours with the pictures of the
-//! variants' own shaders, and checks that motion links lead to the same point of the surface.
+//! variants' own shaders, and checks that motion links lead to the same point of the surface. Also tests the sample positions of FlipQuad, and that
+//! pictures do not depend on the size of tiles and depend little on the encoding of normals.
 
 use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::display::reference::tone_map;
@@ -80,7 +81,8 @@ fn every_variant_composed_equals_its_own_shader() {
         };
         let worst = differs_lit(&lit);
         // Composition rounds each component of the G-buffer to f16 once more than the variant's own shader. For a variant of a single flavour, the
-        // G-buffers are equal, and only the display values are rounded to f16. Below 1, this rounding error is at most 2^-12.
+        // G-buffers are equal, and only the display values are rounded to f16. Below 1, this rounding error is at most 2^-12. The tolerance is twice
+        // as large, because the shaders compute in f32.
         let tolerance = if variant.is_some_and(|v| v.flavours().count() == 1) { 2.0 * 2f64.powi(-12) } else { LIT };
         assert!(worst <= tolerance, "the lit picture of {name} differs from that of its own shader by {worst}");
         if let Some(previous) = previous_lit.replace(lit) {
@@ -113,7 +115,8 @@ fn lit_pictures_are_clipped_at_white_and_follow_the_exposure() {
         values.sort_by(f32::total_cmp);
         (values[values.len() / 2], values[values.len() - 1])
     });
-    // The sRGB curve maps 1 to 1.055 - 0.055, which may exceed 1 by a rounding error. 2^-10 is one step of f16 above 1.
+    // The sRGB curve maps 1 to 1.055 - 0.055, which may exceed 1 by a rounding error: by one step of f16, which is 2^-10 above 1. This step is
+    // subtracted.
     largest.iter_mut().for_each(|(_, most)| *most -= 2f32.powi(-10));
     assert!(largest[1].1 <= 1.0 && largest[1].1 > 0.99, "six stops brighter, some pixels are white and none is brighter: {largest:?}");
     assert!(largest[1].0 > 1.3 * largest[0].0, "{largest:?}");
@@ -287,8 +290,8 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     };
     let automatic =
         |renderer: &mut Renderer<'_>| albedo(renderer, VariantChoice::Auto, NoiseKind::HashedIsotropic, NormalEncoding::Octahedral);
-    // The encoding of normals also changes the derivatives. White noise in screen space does not depend on derivatives, so the random choices are
-    // equal for all encodings, and only shading changes. The generic kernel is used, because then only one shader has to be compiled.
+    // The encoding of normals also changes the derivatives. White noise in screen space does not depend on derivatives, so the random numbers are
+    // equal for all encodings. The generic kernel is used, because then only one shader has to be compiled.
     let generic = |renderer: &mut Renderer<'_>, normals| albedo(renderer, VariantChoice::GenericAuto, NoiseKind::WhiteScreen, normals);
     let tiled = |tile: u32| automatic(&mut with(RendererOptions { tile, ..RendererOptions::default() }));
     let others = [4, 16].map(|tile| (tile, tiled(tile)));
@@ -314,7 +317,8 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     };
     let change = rms(&exact.0);
-    // The encoding with 8 bits per coordinate changes normals by up to 0.6 degrees. The picture must change, but by less than its contrast.
+    // The encoding with 8 bits per coordinate changes normals by up to 0.64 degrees. The picture must change, but only a little: `rms` is the root
+    // mean square of the change of green over the terrain.
     assert!(change > 0.0 && change < 0.02, "exact normals change albedo by {change}");
 }
 
@@ -367,8 +371,8 @@ fn streams_are_composed_together_from_weights_of_their_own() {
             let found = composed[one.index];
             let colour = signal::colour(found);
             for k in 0..3 {
-                // The sum is rounded to f16 twice. Near a distance at which flavours change, the rounding error of the distance in f32 also changes
-                // the weights.
+                // The composed sum is rounded to f16. Near a distance at which flavours change, the rounding error of the distance in f32 also
+                // changes the weights.
                 let tolerance = albedo[k] / 512.0 + 1e-4;
                 assert!(
                     (f64::from(colour[k]) - albedo[k]).abs() < tolerance,

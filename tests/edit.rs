@@ -1,5 +1,6 @@
 //! Tests of a scene that is edited while it is drawn. Bit for bit, the picture must equal the picture that is drawn after the edited scene is loaded
-//! from the start. Only the nodes, pages and textures that an edit affects may be built again.
+//! from the start. Only the nodes, pages and textures that an edit affects may be built again. Also tests settings of the frame that the workbench
+//! changes: LOD bias, vertex stride, frozen culling, and times by variant.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,8 +18,8 @@ fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
     Renderer::with(gpu(), scene, options, &|_| {}).expect("the small scene renders")
 }
 
-/// Returns a request for a picture of the ground. Near ground is shaded from pages of the virtual texture, and ground farther away from the far
-/// atlas.
+/// Returns a request for a picture of the ground. Near ground is shaded from pages of the virtual texture; ground that is farther away is shaded from
+/// the far atlas.
 fn ground(renderer: &Renderer<'_>) -> RenderRequest {
     let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
     RenderRequest::new(pose(renderer, "ground"), SIZE).with(|r| {
@@ -205,8 +206,8 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         let width = SIZE[0] as usize;
         (width..on.len()).filter(|&i| on[i - width] && !on[i]).count()
     };
-    // At the coarsest levels, the neighbour of a drawn node may be a root of the quadtree that is not split, and the vertices at their border are
-    // moved over the length of many patches. The camera is turned in steps, so that patches at such borders extend beyond the edge of some pictures.
+    // With a high LOD bias, the neighbour of a fine node may be a root of the quadtree that is not split. Stitching then moves vertices of the fine
+    // node over the length of several patches. The camera is turned in steps, so that such patches extend beyond the edge of some pictures.
     let cases = [
         (1, 0.0, 0.0),
         (2, 0.0, 0.0),

@@ -1,7 +1,7 @@
 //! Tests of the estimators (`kernels::shading::Estimator`, ways to compute the value of a flavour): their numbers of texture fetches, their means,
-//! and properties of the functions that they use.
+//! and properties of the functions that they use. Also tests how tiles are drawn, and how textures are filtered.
 //!
-//! Pictures come from the shared renderers of `fixtures`. Statistical tests have fixed seeds and state their null hypothesis and level.
+//! Most pictures come from the shared renderers of `fixtures`. Statistical tests have fixed seeds and state their null hypothesis and level.
 
 use std::sync::MutexGuard;
 
@@ -142,7 +142,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
         }
     }
     // A second tiling of splat doubles the fetches of the estimators for which it is defined. Of the estimators tested here, that is only biplanar.
-    // It does not change the fetches of the other estimators.
+    // The second tiling does not change the fetches of the other estimators.
     for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
         let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
         let picture = renderer
@@ -545,7 +545,8 @@ fn hexagons_fit_together() {
     // The mean of w1^2 + w2^2 + w3^2 is the share of a texture's variance that remains after blending. By numerical integration, it is 0.8835 (with
     // barycentric weights, it would be 0.5). The mean computed here has a standard error of 0.0014, and the tolerance is five standard errors.
     assert!((contrast - 0.8835).abs() < 0.007 && lone > 0.9999, "{contrast} {lone}");
-    // At its centre, a hexagon has all the weight. In six directions, the next centre is 1 m away, except for a distortion of 0.13 %.
+    // At its centre, a hexagon has all the weight. In six directions, the next centre is 1 m away. The rows of hexagons are 0.13 % closer together
+    // than in a regular lattice, so four of the six distances are 0.1 % too short.
     let rows = SECTOR_M / 64.0 / (2.0 * 37.0 / 64.0);
     for step in [[1.0, 0.0], [0.5, rows], [-0.5, rows]] {
         let at = hexagons([0; 2], [10.0 + step[0], 20.0 * rows + step[1]]);
@@ -564,8 +565,8 @@ fn hexagons_fit_together() {
 
 #[test]
 fn chosen_texels_are_the_filter_in_the_mean() {
-    // An evenly spaced grid replaces the random numbers. The share of the grid that chooses a texel must equal the weight of this texel in the
-    // filter, to within the grid's step.
+    // An evenly spaced grid replaces the random numbers. The share of the grid that chooses a mip level or a texel must equal the weight of this
+    // level or texel in the filter, to within the grid's step.
     const STEPS: u32 = 4096;
     let share = |chosen: &dyn Fn(f64) -> u32, of: u32| {
         (0..STEPS).filter(|&i| chosen((f64::from(i) + 0.5) / f64::from(STEPS)) == of).count() as f64 / f64::from(STEPS)
@@ -655,7 +656,8 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
         }
         let off = (n[1].atan2(n[0]).to_degrees() - azimuth(plane)).rem_euclid(180.0);
         assert!(off.min(180.0 - off) <= 22.5 + 1e-9, "{n:?} is {off} degrees off plane {plane}");
-        // A horizontal step of 1 m along the plane changes the first coordinate by 1 m, and a step across the plane does not change it.
+        // A horizontal step of 1 m along the plane changes the first coordinate by 1 m (on a diagonal plane by 0.011 % less), and a step across the
+        // plane does not change it.
         let (sin, cos) = azimuth(plane).to_radians().sin_cos();
         let [along, up] = snapped_projection::coordinates([-sin, cos, 0.0], plane);
         assert!((along.abs() - 1.0).abs() < 2e-4 && up.abs() < 1e-12, "plane {plane}: {along}");

@@ -1,5 +1,5 @@
 //! Tests of experiments without rendering: definitions, the parts of a run, shards (runs that carry out a share of the parts), runs that are stopped
-//! and resumed, and tables. A stand-in for the renderer invents the measurements.
+//! and resumed, tables, and wrong calls of the program. A stand-in for the renderer invents the measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -197,7 +197,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("setting = 1.0 }", "setting = 2.0 }", &["expect 1, where, setting", "no row has setting `2`"]),
     ("setting = 1.0 }", "noise = \"hash\" }", &["expect 1, where, noise", "no row has noise `hash`"]),
     ("setting = 1.0 }", "frame = 4 }", &["expect 1, where, frame", "0 to 3"]),
-    ("setting = 1.0 }", "lag = 1 }", &["expect 1, where, lag", "compares no frames"]),
+    ("setting = 1.0 }", "lag = 1 }", &["expect 1, where, lag", "is not measured for each lag"]),
     ("setting = 1.0 }", "frequency = 0.1 }", &["expect 1, where, frequency", "not a spectrum"]),
     ("range = [0.0, 1.0]", "range = [1.0, 0.0]", &["expect 1, range", "reversed", "[0, 1]"]),
     ("range = [0.0, 1.0]", "range = [nan, 0.0]", &["expect 1, range", "not a number"]),
@@ -314,7 +314,8 @@ fn definitions_of_scripts_are_right() {
         definition::load(&file).unwrap_or_else(|error| panic!("{error:#}"))
     };
     assert!(load("identical.toml").measures("rmse"));
-    // `make judges` needs videos of the lit picture, and at least 24 clips of at least 8 seeds. The same frames at two frame rates are two clips.
+    // `make judges` needs videos of the lit picture, and at least 24 clips, each with at least 8 seeds. The same frames at two frame rates are two
+    // clips.
     let clips = load("judges/clips.toml");
     assert!(clips.video && clips.signals.iter().any(|signal| signal == "lit") && clips.measures("perceived_noise"));
     let count = 2 * clips.view_names().count() * clips.variants.len() * clips.noises.len() * clips.temporal.len();

@@ -1,6 +1,6 @@
-//! Code shared by several tests: the small scene and its renderers, statistics, the built program, and temporary folders.
+//! Code shared by several tests: the small scene and its renderers, statistics, the built program, imported scenes, and temporary folders.
 //!
-//! All tests share two renderers of a small scene, because software Vulkan takes a tenth of a second to two seconds to compile a pipeline.
+//! Most tests that draw share two renderers of a small scene, because software Vulkan takes a tenth of a second to two seconds to compile a pipeline.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -159,7 +159,8 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
 }
 
-/// Checks that the call is refused because its arguments are wrong: exit status 2, and stderr contains all of `says`.
+/// Checks that the call is refused because its arguments are wrong: exit status 2, nothing on stdout, and one line on stderr that contains all of
+/// `says`.
 pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
@@ -168,7 +169,7 @@ pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     for part in says {
         assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
     }
-    // Only a call without arguments is answered with the help text.
+    // Only a call without arguments is answered with more than one line: the help text.
     assert!(arguments.is_empty() || stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
     assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
 }

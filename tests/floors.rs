@@ -16,9 +16,10 @@ use crate::fixtures::Folder;
 /// The modules of a folder, floor by floor from the lowest. Modules of the same floor do not import each other.
 type Floors = [&'static [&'static str]];
 
-/// The modules of `experiments`: first the definition of an experiment, then the parts of a run, its files and its report, then the command line.
+/// The modules of `experiments`: first what several modules use, then the definition of an experiment, then the parts of a run, its files and its
+/// report, then the command line.
 const EXPERIMENTS: &Floors = &[
-    &["process", "metrics", "row", "settings", "rounds", "significance"], // used by everything else
+    &["process", "metrics", "row", "settings", "rounds", "significance"], // used by higher floors
     &["definition", "judge"],                                             // the experiment, and the metrics of pictures
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
@@ -41,13 +42,13 @@ const WORKBENCH_MODEL: &Floors = &[
     &["state"],
 ];
 
-/// The modules of `kernels`: first the modules that do not depend on terrain, then the stages in the order of the frame, then the frame and the
-/// modules that inspect it.
+/// The modules of `kernels`: first the modules that do not depend on terrain, then the data of the terrain on the CPU, then the stages, then the
+/// frame and the modules that inspect it.
 const KERNELS: &Floors = &[
     &["base"],                     // errors, names, files, colour: no terrain
     &["settings"],                 // how a setting is declared, checked and shown
     &["variant"],                  // five flavours and their sets
-    &["shared"],                   // functions that stages share, WGSL and f64
+    &["shared"],                   // functions that stages share, in WGSL and Rust
     &["gpu"],                      // the device
     &["scene"],                    // the content of a scene file
     &["view", "decode", "blocks"], // the camera; decoding of files into arrays; block compression
@@ -90,15 +91,16 @@ fn no_folder_has_a_cycle_between_its_modules() {
     }
 }
 
-/// Fails with a line for each import from the same floor or a higher one, for each module that the list lacks, and for each listed module that does
-/// not exist. `folder` is relative to the workspace's root: the `src` of a crate, or a folder of a module inside it.
+/// Fails with a line for each import from the same floor, a higher floor or the root module, for each module that the list lacks or names twice, for
+/// each listed module that does not exist, and for each module whose file is not found. `folder` is relative to the workspace's root: the `src` of a
+/// crate, or a folder of a module inside it.
 fn check(folder: &str, floors: &Floors) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
     let faults = faults(&root, floors);
     assert!(faults.is_empty(), "{folder}:\n{}", faults.join("\n"));
 }
 
-/// Returns a line for each fault of a folder.
+/// Returns a line for each fault of a folder, as described for [`check`].
 fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
     let mut floor_of: BTreeMap<&str, usize> = BTreeMap::new();
     let mut faults = Vec::new();
@@ -136,7 +138,7 @@ fn root_of(folder: &Path) -> Option<PathBuf> {
     [folder.join("lib.rs"), folder.join("mod.rs"), folder.with_extension("rs")].into_iter().find(|file| file.is_file())
 }
 
-/// The modules that the root file of a folder declares, and everything that they import.
+/// The modules that the root file of a folder declares, and what they import from the same folder.
 fn read(folder: &Path) -> (Vec<String>, Reading) {
     let root = root_of(folder).unwrap_or_else(|| panic!("{} has no lib.rs, no mod.rs and no .rs file with its name", folder.display()));
     let inside: Vec<String> = folder.iter().map(|name| name.to_string_lossy().into_owned()).collect();

@@ -1,5 +1,5 @@
 //! Tests of the whole frame on the GPU: variants compared with the generic kernel, counted texture fetches, the statistics of random choices, cracks
-//! in the terrain, and independence from earlier frames.
+//! and holes in the terrain, positions and derivatives, independence from earlier frames, and requests that are refused.
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
@@ -247,7 +247,7 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
         // Negative control: the layer `normal` shows the rounding of the octahedral encoding.
         assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: the encoding with 8 + 8 bits does not change the normals");
         let on = terrain(&exact);
-        // Relative errors of both derivatives of all pixels, sorted.
+        // Relative errors of both derivatives of all terrain pixels, sorted.
         let errors = |picture: &Picture| -> Vec<f64> {
             let mut errors = Vec::new();
             for layer in ["ddx", "ddy"] {
@@ -340,8 +340,8 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
         let on = terrain(&picture);
         assert!(!on[SIZE[0] as usize * SIZE[1] as usize / 2 + SIZE[0] as usize / 2], "the middle of the hole is covered");
         assert!(on[0] && on[on.len() - 1], "the corners must be ground");
-        // There is no ground inside the hole, with a tolerance of 1 m, which is the resolution of holes. Texels inside the hole are transparent
-        // black, which must not darken the ground at the hole's rim.
+        // There is no ground inside the hole, with a tolerance of 1 m, which is twice the distance between vertices. Texels inside the hole are
+        // transparent black, which must not darken the ground at the hole's rim.
         let (position, albedo) = (picture.vectors("position").expect("requested"), picture.vectors("albedo").expect("requested"));
         for (p, a) in position.iter().zip(albedo).zip(&on).filter(|(_, on)| **on).map(|(pair, _)| pair) {
             let from_centre = (f64::from(p[0]) - x).hypot(f64::from(p[1]) - y);

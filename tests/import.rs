@@ -256,7 +256,7 @@ fn bad_files_are_refused_with_what_where_and_how() {
 #[test]
 fn files_40_000_wide_are_refused_before_room_is_made() {
     let temp = Temp::new("wide");
-    // The files consist of headers only; they hold no samples.
+    // The TIFF file and the PNG file consist of headers only; they hold no samples.
     write_tiff(&temp.path("wide.tif"), [40_000, 40_000], 40_000, 16, 1, &[]);
     expect_error(read(&temp.path("wide.tif"), &options()), &["40000 x 40000", "16385", "window"]);
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();

@@ -1,5 +1,5 @@
-//! Compares the results of the pixel inspector with the layers of the same picture. Also compares the random choices of the inspector's CPU
-//! references with the choices of the shaders.
+//! Compares the results of the pixel inspector with the layers of the same picture, and those of the inspection pass with references in f64. Also
+//! compares the random choices and the pages that the inspector computes on the CPU with those of the shaders.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -116,11 +116,11 @@ fn all_numbers_equal_their_references() {
             assert!(off < 1e-4 * expected.length(), "pixel {index}: {found:?}, {expected}");
         }
         let size = pixel.normal.abs();
-        // Two coordinates of a decoded normal may be equal except for rounding.
+        // Two coordinates of a decoded normal may be equal except for rounding, so the axis of either is accepted.
         assert!(size[plane as usize] > size.max_element() - 1e-6, "pixel {index}: plane {plane}, {size}");
         let spot = ground.spot(pixel.position.truncate()).expect("a loaded node");
         let (cell, at) = (ground.cell(&spot), spot.uv * 64.0);
-        // Rounding may move a point on the border of a cell into the next cell, or out of a node.
+        // Rounding may move a point on the border of a cell into the next cell, or out of a node. So points near a border are left out.
         if (at - at.round()).abs().min_element() < 0.01 {
             others += 1;
             continue;

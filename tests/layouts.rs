@@ -1,4 +1,5 @@
-//! Compares host structs with the WGSL structs into which they are copied, by reflection: names, offsets, sizes and scalar kinds of the fields.
+//! Compares host structs with the WGSL structs into which they are copied, by reflection: names, offsets, sizes and scalar kinds of the fields. Also
+//! compares constants of the host with those of the shaders.
 
 use std::mem::offset_of;
 
@@ -331,7 +332,7 @@ fn constants_that_the_host_hands_over_arrive() {
     }
     // A slot must fit into its bits of the sector data, and the array layer of a cached page into its bits of the page table.
     const { assert!(residency::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
-    // No shader repeats a constant that the host passes to a different shader: each name is declared only once in all files.
+    // No shader repeats a constant that the host passes to a different shader: each name is declared only once in all files that a renderer uses.
     let mut declared = std::collections::BTreeMap::new();
     for file in kernels::frame::shader_files() {
         let typed = file.text.lines().filter_map(|line| line.strip_prefix("const ")?.split(':').next());

@@ -34,7 +34,7 @@ impl Fake {
         number(&format!("{text}/{}/{:?}", self.salt, self.definition.settings))
     }
 
-    /// The names of the files of the reference that a part needs or renders.
+    /// The file names of the reference that a part needs or renders.
     fn reference_of(&self, unit: &Unit) -> anyhow::Result<[String; 2]> {
         let is_own = |other: &Unit| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting;
         let reference = plan(&self.definition).into_iter().find(is_own);

@@ -107,10 +107,8 @@ fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
                 assert_eq!(found, wanted, "frame {index}, lag {lag}, pixel {at}: {expected:?}");
                 if lag == 1 {
                     let position = expected.position.unwrap_or([-1e9; 2]);
-                    // Positions in f32 have an error of less than 1e-3 pixels; see `reprojection_agrees` in `agreement.rs`. The tolerance is 1e-3
-                    // pixels, multiplied by the magnitude of the position's column if this magnitude is above 1.
-                    let tolerance = 1e-3 * position[0].abs().max(1.0);
-                    let is_close = (0..2).all(|k| (f64::from(positions[at][k]) - position[k]).abs() < tolerance);
+                    // Positions in f32 have an error of less than 1e-3 pixels; see `reprojection_agrees` in `agreement.rs`. -1e9 is exact in f32.
+                    let is_close = (0..2).all(|k| (f64::from(positions[at][k]) - position[k]).abs() < 1e-3);
                     assert!(is_close, "frame {index}, pixel {at}: {:?}, {position:?}", positions[at]);
                 }
                 linked[lag - 1] += usize::from(wanted != NO_LINK && wanted != at as u32);

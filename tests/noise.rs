@@ -2,7 +2,8 @@
 //! shader. The thresholds of each kind must be distributed over pixels and frames as the name of the kind says.
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
-//! (Sidak). Each family also has a mutant that it must reject. `noise_stability` tests that the numbers are uniform and independent, `shared` tests
+//! (Sidak). Single tests state their own level. Each family also has a control: a mutant that it must reject, or noise that it must accept.
+//! `noise_stability` tests that the numbers are uniform and independent, `shared` tests
 //! how hashed cells depend on scale and position, `agreement` compares the shader with the reference, and `noise_frame` tests that the renderer
 //! uses the requested kind.
 
@@ -417,7 +418,7 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
         f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
     };
     // A cell is at least 16 steps of f32 wide, so moving a coordinate by one step crosses a border of the finer of two scales with a probability of
-    // at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %.
+    // at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %; 0.025 is five times as much.
     let most = 3.0 / 32.0 + 0.025;
     let mut checked = 0;
     for kind in GROUND {

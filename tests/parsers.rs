@@ -308,7 +308,8 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
             assert!(!readers::heightmap(&bytes) && began.elapsed() < PATIENCE, "{what} of {edge}: {:?}", began.elapsed());
         }
     }
-    // A JPEG that ends early is filled with grey, so a JPEG that states a false but allowed size is accepted. So only larger sizes are tested.
+    // If a JPEG holds fewer texels than it states, the decoder fills the rest with grey. So a JPEG that states a false but allowed size is accepted,
+    // and only larger sizes are tested.
     let too_large = [8193, 65_535].map(|edge| ("jpg", jpeg(edge)));
     for (what, bytes) in [8192, 8193, 65_535].map(|edge| ("png", png("texture", "rgb8.png", [4, 4], edge))).into_iter().chain(too_large) {
         let began = Instant::now();

@@ -151,7 +151,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     stays(&mut renderer);
     folder.edit("shared/hash.wgsl", "-> u33 {", "-> u32 {");
 
-    // An editor may leave a file empty, or remove it, for a moment while it saves.
+    // While an editor saves a file, the file may be empty or missing for a moment.
     let text = std::fs::read(folder.0.join(LIGHTING)).expect("a shader");
     std::fs::write(folder.0.join(LIGHTING), "").expect("emptied");
     let error = folder.refused(&mut renderer);

@@ -1,6 +1,6 @@
 //! Tests that every file that the programs write is read as the same value: scenes, definitions, tables of rows, manifests, the state of
 //! the workbench, recorded paths, tables of probes, and settings. The values are arbitrary. They include the ends of all ranges, extreme
-//! numbers, NaN, and texts with quotes, line breaks and Unicode.
+//! numbers, NaN, and texts with quotes, line breaks and Unicode. Also tests that a picture is written with the same bytes in every run.
 //!
 //! The values are built field by field. If a field is added to a type, this file does not compile until it also builds arbitrary values for
 //! that field. All values are drawn with fixed seeds.
@@ -258,7 +258,7 @@ fn flavours() -> BoxedStrategy<FlavourRules> {
     let others = (number(0.001, 0.9), number(1.0, 180.0), number(0.001, 45.0), number(0.0, 89.0));
     (distances, others)
         .prop_map(|((far_atlas_m, cliff_near_m, cliff_far_atlas_m), (distance_blend, cliff_slope_deg, slope_blend_deg, splat_band_deg))| {
-            // Make the distances satisfy the conditions of a valid scene.
+            // Some numbers are changed, so that they satisfy the conditions of a valid scene.
             let cliff_far_atlas_m = cliff_far_atlas_m.max(1.0);
             FlavourRules {
                 far_atlas_m: far_atlas_m.min(cliff_far_atlas_m),
@@ -551,7 +551,7 @@ fn definitions_are_read_as_they_were_written() {
     });
 }
 
-/// Definitions in `experiments/definitions` are the same after they were written and read again by the reader that also validates them.
+/// Definitions in `experiments/definitions` do not change when they are written and read again by the reader that also validates them.
 #[test]
 fn definitions_of_the_repository_are_read_as_they_were_written() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../experiments/definitions");

@@ -204,8 +204,8 @@ impl Judges {
         match tree.tests(&binary, judge, Duration::from_secs(1200))? {
             (End::Passed, passed) if passed > 0 => {}
             (End::Passed, _) => bail!("{judge}: no test ran"),
-            (End::Failed(test), _) => bail!("{test} fails without a mutant"),
-            (End::Hung, _) => bail!("{judge} needs more than 20 minutes without a mutant"),
+            (End::Failed(test), _) => bail!("{judge}: a test fails without a mutant: {test}"),
+            (End::Hung, _) => bail!("{judge}: more than 20 minutes without a mutant"),
         }
         self.0.insert(judge.clone(), Duration::from_secs(60) + began.elapsed() * 8);
         Ok(())
@@ -276,7 +276,7 @@ impl Tree {
         let messages: Vec<Value> = String::from_utf8_lossy(&output.stdout).lines().filter_map(|l| serde_json::from_str(l).ok()).collect();
         if output.status.success() {
             let binary = messages.iter().rev().find_map(|message| message["executable"].as_str());
-            return Ok(Some(PathBuf::from(binary.with_context(|| format!("cargo names no test binary of {judge}"))?)));
+            return Ok(Some(PathBuf::from(binary.with_context(|| format!("{judge}: cargo names no executable file"))?)));
         }
         let is_of_code = |message: &Value| {
             let message = &message["message"];

@@ -1,9 +1,10 @@
 //! Tests the statistics of bias (`experiments::significance`) on simulated runs: how often they report a bias where there is none, and which biases
 //! they find.
 //!
-//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. The size of the picture, the seeds and the
-//! number of rows are those of the recorded sweep. The standard deviations of areas range over a factor of 16, and a third of the rows has numbers
-//! with a skewed distribution. Neighbouring areas are correlated as in pictures with the six noises.
+//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. The size of the picture, the number of
+//! seeds and the number of rows are those of the recorded sweep. The largest standard deviation of an area is 14 times the smallest one. A third of
+//! the rows has numbers with a skewed distribution. Neighbouring areas are correlated as in pictures with six of the seven kinds of noise
+//! (`NEIGHBOURS`).
 
 use experiments::significance::{Areas, Mean, POWER, detectable, limit, sidak};
 use experiments::stability::statistics::Random;
@@ -28,8 +29,8 @@ fn numbers(at: usize) -> f64 {
     if at / GRID[0] + 1 == GRID[1] { 48.0 * 14.0 } else { 48.0 * 16.0 }
 }
 
-/// Standard deviation of the sum of each area, equal in squares of 3 x 3 areas. It is 0.6 to 9.6. A sum over 256 pixels with a standard deviation of
-/// 0.05 and three equal channels has the standard deviation 2.4.
+/// Standard deviation of the sum of each area, equal in squares of 3 x 3 areas. It lies between 2.4 / 4 and 2.4 x 4. The number 2.4 is the standard
+/// deviation of the sum over 256 independent pixels, each of which has three equal channels with a standard deviation of 0.05.
 fn deviations() -> Vec<f64> {
     let mut random = Random(7);
     let squares: Vec<f64> = (0..60).map(|_| 2.4 * (4.0 * random.unit() - 2.0).exp2()).collect();
@@ -129,8 +130,8 @@ fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
     let count = rows.len() as f64;
     let share = |bias: f64| rows.iter().filter(|sums| is_off(&planted(&sums[..], |_| bias).mean(), |_| 0.0, level)).count() as f64 / count;
     assert!(share(0.01) >= 0.99 && share(-0.01) >= 0.99, "{} and {}", share(0.01), share(-0.01));
-    // A bias of a tenth of one percent is found in almost all rows, too. A bias of a hundredth of one percent is much smaller than a standard error,
-    // and is found in hardly any row.
+    // A bias of a tenth of one percent is found in almost all rows, too. A bias of a hundredth of one percent is about as large as a standard error
+    // (1.2e-4), so it is much smaller than the limit of the test, and is found in hardly any row.
     assert!(share(0.001) >= 0.98 && share(1e-4) < 0.05, "{} and {}", share(0.001), share(1e-4));
     // A bias as large as the one that a report calls detectable is found with at least the stated probability (`POWER`). A bias as large as the limit
     // of the test is found in half of the rows.

@@ -1,5 +1,6 @@
 //! Tests kernels (functions that exist in WGSL and as a Rust reference) at extreme inputs. Every result must be finite, and must differ from the f64
-//! reference by at most the derived tolerance. No error may be larger than the one in the recorded table.
+//! reference by at most the derived tolerance. No error may be larger than the one in the recorded table. Also tests the errors of stored directions
+//! and of derivatives, the declarations of the probes, and the command `stability`.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,7 +16,7 @@ use crate::fixtures::{Folder, gpu, program};
 /// For each case, the share of its rows (sets of inputs) that the test measures.
 const SHARE: f64 = 1.0 / 16.0;
 
-/// The table that `experiments stability --out notebooks-data/stability` wrote.
+/// The tables of kernels and of directions that `experiments stability --out notebooks-data/stability` wrote.
 const RECORDED: &str = include_str!("../notebooks-data/stability/results.csv");
 const DIRECTIONS: &str = include_str!("../notebooks-data/stability/directions.csv");
 
@@ -34,9 +35,9 @@ fn kernels_hold_at_their_extremes_as_recorded() {
         .collect();
     let mut compared = 0;
     for finding in &findings {
-        // A finding (measured error) of a GPU may be missing in the table if the table was not recorded on this GPU; the last digits differ between
-        // GPUs. Findings of the f32 reference must all be in the table. They are the same on every machine, except for the last digits of library
-        // functions.
+        // The errors of two GPUs differ in the last digits. A finding (measured error) of a GPU is therefore compared only if the table was recorded
+        // on this GPU; otherwise, it may be missing in the table. Findings of the f32 reference must all be in the table, because they are the same
+        // on every machine, except for the last digits of library functions.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(
                 finding.on == "gpu" && !recorded_on(&recorded, &finding.adapter),

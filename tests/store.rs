@@ -1,6 +1,6 @@
 //! Tests how a run is read and resumed after files in its folder were damaged, exchanged or lost. A reader must then refuse the run in one
-//! line that names the file, or return exactly the numbers of the undamaged run. It must never accept other numbers. Nothing is rendered: a
-//! stand-in for the renderer makes up the measurements.
+//! line that names the file, or return exactly the numbers of the undamaged run (of an interrupted run: those of the finished parts). It must never
+//! accept other numbers. Nothing is rendered: a stand-in for the renderer makes up the measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -376,7 +376,8 @@ fn a_damaged_file_of_an_interrupted_run_is_refused_or_done_again() {
     bench.try_files("nothing", &[], &files, true);
     assert_eq!((bench.refused, bench.accepted), (0, 2));
     bench.try_all(&files, &other);
-    // The checksum of a part covers its rows, but not its notes (the key-value metadata of its Parquet file). Change each byte of the notes.
+    // The checksum of a part covers its rows, but not its notes (the key-value metadata of its Parquet file). Change each byte from the beginning of
+    // the notes to the end of the file.
     let part = plan(&trial).into_iter().nth(DONE - 1).map(|unit| format!("parts/{:05}-{}.parquet", unit.index, unit.id)).expect("a part");
     let bytes = &files[&part];
     let start = bytes.windows(12).position(|bytes| bytes == b"scree.schema").expect("the notes");

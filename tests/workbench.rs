@@ -578,7 +578,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     assert_eq!(last(&mut stage).sides[0], Some(reseeded));
     take(&mut stage, "click Freeze; click Restart");
     assert_eq!(last(&mut stage).sides[0].expect("terrain").frames, 1.0);
-    // B is the exact blend. One frame of A is enough to measure its clumping and its bias against B. The bias must be almost 0.
+    // B is the exact blend. Two frames are enough to measure the clumping of A, and the bias of A against B. The bias must be almost 0.
     take(&mut stage, "click Compare; click Show; click Wipe; key Period");
     let against = last(&mut stage).sides;
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));

@@ -1,5 +1,6 @@
 //! Tests of the `world` stage, which computes the terrain data (payloads) of quadtree nodes. They cover the layout, payload formats, shared edges of
-//! nodes, holes, normal cones, the drawn surface, and the rules that assign materials.
+//! nodes, slopes, holes, the edge of a heightmap, normal cones, normals, the drawn surface, the shape of the generated ground, the rules that assign
+//! materials, and the colour modulation.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -566,8 +567,8 @@ fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Returns the number of teeth per 10 000 vertices of a LOD. They are counted along the rows and columns of 144 grids of 65 x 65 vertices, which are
-/// distributed over the world.
+/// Returns the number of teeth per 10 000 vertices whose spacing is that of a LOD. They are counted along the rows and columns of 144 grids of 65 x
+/// 65 vertices, which are distributed over the world. The heights are samples of `height_m`; the heights that a coarse LOD draws are smoother.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;
     const SIDE: usize = 65;

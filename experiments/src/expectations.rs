@@ -111,7 +111,7 @@ fn mean(table: &[Row], metric: &str, selection: &BTreeMap<String, Value>) -> Res
         let unstable = values.iter().filter(|row| !is_stable(row.value, row.standard_error)).count();
         if unstable > 0 {
             return Err(format!(
-                "{unstable} of {} rows of {metric} are unstable, their 95 % interval is wider than \u{b1} 5 %: run it again while the machine has nothing \
+                "unstable rows of {metric}: {unstable} of {} (the 95 % interval is wider than \u{b1} 5 %, or not known): run it again while the machine has nothing \
                  else to do, or raise `times_budget_s`",
                 values.len()
             ));
@@ -230,12 +230,12 @@ mod tests {
             ("gpu_ratio:shading", "variant = 'far-atlas'", None),
         ] {
             let verdict = verdict(&expectation(metric, selection, over, all));
-            assert!(!verdict.met && verdict.value.is_nan() && verdict.why.contains("1 of 1 rows"), "{metric}: {verdict}");
+            assert!(!verdict.met && verdict.value.is_nan() && verdict.why.contains(": 1 of 1 ("), "{metric}: {verdict}");
             assert!(verdict.why.contains("unstable") && verdict.why.contains("times_budget_s"), "{verdict}");
         }
         // One unstable row makes the mean unusable.
         let verdict = verdict(&expectation("gpu_ms:shading", "", Some("variant = 'auto'"), all));
-        assert!(!verdict.met && verdict.why.contains("1 of 3 rows"), "{verdict}");
+        assert!(!verdict.met && verdict.why.contains(": 1 of 3 ("), "{verdict}");
     }
 
     #[test]

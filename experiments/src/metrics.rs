@@ -41,7 +41,7 @@ pub enum Signals {
 
 /// Smallest side of the square from which spectra are computed, pixels.
 pub const SMALLEST_SIDE: u32 = 64;
-/// Largest lag. A lag is the number of frames between the two compared frames, and it is at least 1.
+/// Largest lag. A lag is the number of frames from the earlier to the later of the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
 /// Limit of the number of groups of consecutive frames into which the measured frames of a sequence are divided. For [`RESIDUAL`], [`RESIDUAL_RMS`],
 /// [`ADDED`] and [`LOST`], the standard errors of values over all frames are computed from the scatter of these groups. Neighbouring frames are
@@ -76,7 +76,7 @@ impl Sequence {
 
     /// Whether the perceived noise of a frame is measured. This is so for the last frame, and for up to three frames before it at equal distances.
     /// All of them are measured frames in the second half of the sequence. In the first half, the memory of the eye, which is an exponential mean of
-    /// the error over time, is not filled yet.
+    /// the error over time, may not be filled yet.
     pub fn is_seen(self, frame: u32) -> bool {
         let (last, step) = (self.frames.saturating_sub(1), self.seen_step());
         frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
@@ -183,7 +183,7 @@ metrics! {
     FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None, None,
         "Texture fetches counted in the shader, mean over terrain pixels.";
     TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None, None,
-        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if a tile is shaded in lockstep.";
+        "Promised fetches of the variant of a pixel's tile or patch, mean over terrain pixels: the cost if a tile or patch is shaded in lockstep.";
     BIAS = "bias", "linear albedo", Seeds, None, Albedo,
         "Mean over seeds minus the exact blend of the same flavours, averaged over pixels.";
     BIAS_SQUARED = "bias_squared", "linear albedo^2", Seeds, None, Albedo,

@@ -68,7 +68,7 @@ pub(crate) fn watch_interrupts() -> Result<()> {
 /// Returns an error if Ctrl-C was pressed.
 pub(crate) fn check_interrupted() -> Result<()> {
     if INTERRUPTED.load(Ordering::SeqCst) {
-        bail!("stopped by Ctrl-C: unfinished work is discarded, and files that were already written to --out are kept");
+        bail!("stopped by Ctrl-C: unfinished work is discarded, and finished files are kept");
     }
     Ok(())
 }

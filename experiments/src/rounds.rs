@@ -57,8 +57,8 @@ impl Estimate {
         Some(Estimate { value, half_width: rank(count).map_or(f64::INFINITY, side) })
     }
 
-    /// Returns the standard error that a normal distribution would have if its 95 % interval were `value` ± `value` * `half_width`. `None` = there is
-    /// no interval.
+    /// Returns the standard error of a normally distributed estimate whose 95 % interval is `value` ± `value` * `half_width`. `None` = there is no
+    /// interval.
     pub(crate) fn standard_error(&self) -> Option<f64> {
         self.half_width.is_finite().then_some(self.value * self.half_width / NORMAL_95)
     }
@@ -78,9 +78,10 @@ pub(crate) fn is_stable(value: f64, standard_error: Option<f64>) -> bool {
 }
 
 /// Returns the rank r for which the r-th smallest and the r-th largest of `count` values enclose the median with a probability of at least 95 %: the
-/// largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most [`MOST`].
+/// largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most
+/// [`MOST`].
 fn rank(count: usize) -> Option<usize> {
-    // The probability of no head in 1000 throws is 1e-301. This is a normal f64 number, so the recurrence below starts with full precision.
+    // The probability of no head in 1000 throws is 9e-302. This is a normal f64 number, so the recurrence below starts with full precision.
     let mut probability = (0..count).fold(1.0f64, |p, _| 0.5 * p);
     let mut below = 0.0;
     let mut rank = 0;
@@ -185,9 +186,10 @@ pub(crate) struct Timed {
     pub(crate) ms: f64,
 }
 
-/// Draws at least `plan.least` and at most [`MOST`] timed rounds. In between, it stops when the interval of each wanted number is at most [`STABLE`] wide
-/// on each side, or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called before each picture. `draw`
-/// draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any, and there is no second round.
+/// Draws at least `plan.least` and at most [`MOST`] timed rounds. In between, it stops when the interval of each wanted number is at most [`STABLE`]
+/// wide on each side, or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called before each picture.
+/// `draw` draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any, and there is no second
+/// round.
 ///
 /// # Errors
 /// `draw` fails.
@@ -225,7 +227,8 @@ pub(crate) fn measure(
         if round >= plan.least && (widest <= STABLE || spent >= plan.budget_s) {
             break;
         }
-        // The width of an interval is inversely proportional to the square root of the number of rounds.
+        // The width of an interval is inversely proportional to the square root of the number of rounds. The number of rounds that an interval of
+        // the wanted width needs is therefore proportional to the square of the present width.
         let needed = if widest.is_finite() { f64::from(round) * (widest / STABLE).powi(2) } else { least };
         let affordable = if spent > 0.0 { f64::from(round) * plan.budget_s / spent } else { f64::INFINITY };
         expected = needed.min(affordable).clamp(least, f64::from(MOST));

@@ -95,7 +95,7 @@ pub const COLUMNS: [Column; 18] = [
     column("frame", "frame index, from 0; absent = value over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
     column(
         "lag",
-        "frames between the two compared frames, 1 to 4; absent = the metric is not measured for each lag",
+        "number of frames from the earlier to the later of the two compared frames, 1 to 4; absent = the metric is not measured for each lag",
         Field::Count(|r| r.lag, |r| &mut r.lag),
     ),
     column(

@@ -1,11 +1,11 @@
 //! Tests whether a mean over a picture and over seeds differs from its expected value, and says how large a difference the test can find.
 //!
-//! The numbers come as one sum per seed and per area of the picture. Seeds are independent, but they are few, so a standard error that is computed from
-//! one number per seed is itself very uncertain. Noise is correlated over a few pixels only, so areas that are much larger are independent, too, and there
-//! are many of them. [`Areas`] uses both. METHODOLOGY has the formulas in the sections *Bias* and *Variance*.
+//! The numbers come as one sum per seed and per area of the picture. Seeds are independent, but they are few, so a standard error that is computed
+//! from one number per seed is itself very uncertain. Noise is correlated over a few pixels only, so areas that are much larger are independent, too,
+//! and there are many of them. [`Areas`] uses both. METHODOLOGY has the formulas in the sections *Bias* and *Variance*.
 //!
-//! Limits: noise whose cells are wider than 16 pixels correlates areas. [`Areas::mean`] uses larger areas then, but the standard error may still be too
-//! small.
+//! Limits: noise whose cells are wider than 16 pixels correlates areas. [`Areas::mean`] uses larger areas then, but the standard error may still be
+//! too small.
 
 use kernels::shared::hash;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
@@ -27,8 +27,8 @@ const GROUPS: usize = 8;
 const DRAWS: u32 = 1 << 18;
 /// Random signs are drawn until this many draws give a mean square that is at least as large as the measured one.
 const ENOUGH: u32 = 10;
-/// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and each
-/// word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
+/// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and
+/// each word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
 const LANES: usize = 12;
 /// Salt of the hash that gives the random signs. It makes the signs independent of other uses of the hash.
 const SIGNS: u32 = 0x5167_0005;
@@ -37,7 +37,7 @@ const SIGNS: u32 = 0x5167_0005;
 const MOST_FREEDOM: f64 = 1e6;
 
 /// Returns the level that each of `tests` tests must have so that all tests together have the level [`LEVEL`] (Šidák). The result is exact for
-/// independent tests. For two-sided tests of correlated normal numbers, the level of all tests together is smaller than [`LEVEL`].
+/// independent tests. For two-sided tests of correlated normal numbers, the level of all tests together is at most [`LEVEL`].
 pub fn sidak(tests: usize) -> f64 {
     sidak_at(LEVEL, tests)
 }
@@ -58,8 +58,8 @@ pub fn limit(level: f64, freedom: f64) -> f64 {
 }
 
 /// Returns the smallest deviation, in standard errors, that the test of [`limit`] finds with the probability [`POWER`]. This is the approximation of
-/// Johnson and Welch (1940) to the noncentral t distribution. The result is at most 1.3 % too small for 12 or more degrees of freedom, and at most 4.1 %
-/// too small for 3 or more.
+/// Johnson and Welch (1940) to the noncentral t distribution. The result is at most 1.3 % too small for 12 or more degrees of freedom, and at most
+/// 4.1 % too small for 3 or more.
 pub fn detectable(level: f64, freedom: f64) -> f64 {
     let limit = limit(level, freedom);
     let freedom = freedom.max(1.0);
@@ -199,8 +199,8 @@ impl Areas {
         Some(Mean { value: sum / weight, standard_error: Some(squares.sqrt() / weight), freedom: None })
     }
 
-    /// Returns the probability of a mean square that is at least as large as the measured one, if the expected mean of every area is 0. `None` for fewer
-    /// than two seeds, or if a number is not finite.
+    /// Returns the probability of a mean square that is at least as large as the measured one, if the expected mean of every area is 0. `None` for
+    /// fewer than two seeds, or if a number is not finite.
     ///
     /// The signs of the areas' sums are drawn at random, for each area and each seed (for more than 8 seeds: for each of 8 sums of seeds). This null
     /// distribution is exact if the sums are independent and symmetric about 0. If they are not symmetric, its mean and variance are still right,
@@ -284,8 +284,8 @@ mod tests {
 
     #[test]
     fn limits_are_those_of_published_tables() {
-        // Tables of Student's t distribution give these limits for a two-sided level of 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15, and 3.291
-        // for the normal distribution.
+        // Tables of Student's t distribution give these limits for a two-sided level of 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15, and
+        // 3.291 for the normal distribution.
         for (freedom, expected) in [(3.0, 12.924), (15.0, 4.073), (f64::INFINITY, 3.291), (1e12, 3.291)] {
             assert!((limit(0.001, freedom) - expected).abs() < 1e-3, "{freedom}: {}", limit(0.001, freedom));
         }

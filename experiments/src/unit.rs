@@ -13,8 +13,8 @@ use crate::row::Row;
 /// The work that a part of a run consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// Renders the converged reference of a view and measures how the reference sequence changes from frame to frame. The reference and the pictures
-    /// of the sequence are written to the run's folder, where other parts read them.
+    /// Renders the converged reference of a view and measures how the reference sequences change from frame to frame. The reference and the pictures
+    /// of the sequences are written to the run's folder, where other parts read them.
     Reference,
     /// Measures all variants of the definition, over all frames and seeds.
     Sweep {

@@ -93,8 +93,8 @@ const CALLS: [(&str, &str); 14] = [
     ("sin", "cos"),
 ];
 
-/// Range of the constants that are scaled. Smaller and larger constants guard against division by zero and overflow. They are not scaled, because
-/// another tiny or huge value would serve the same purpose.
+/// Range of the floating-point constants that are scaled. Smaller and larger constants guard against division by zero and overflow. They are not
+/// scaled, because another tiny or huge value would serve the same purpose.
 const GUARDS: Range<f64> = 1e-5..1e9;
 
 /// Returns all mutants of a text, in the order of their positions. Only function bodies are changed; tests by reflection (`layouts.rs`) check

@@ -160,7 +160,7 @@ impl Workbench {
         }
     }
 
-    /// The bar at the top of the window: scenes, undo, time, viewpoint.
+    /// The bar at the top of the window: scenes, undo, time, and the controls that [`panels::viewport::viewpoints`] shows.
     fn bar(&mut self, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             panels::scenes::menu(&mut self.model, ui);

@@ -20,7 +20,7 @@ use super::{Definition, Import, Setting};
 /// Sets a parameter in the settings of the frame. Parameters of the scene are ignored.
 pub(super) fn apply(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
     match value {
-        // If a definition contains the key `frame.tile` without quotes, TOML parses it as a table.
+        // If a definition contains the key `frame.tile` without quotes, TOML makes a table `frame` with the key `tile`.
         Value::Table(table) if is_of_frame(parameter, value) => {
             table.iter().try_for_each(|(key, value)| set_of_frame(settings, &format!("{FRAME}{key}"), value))
         }
@@ -72,7 +72,9 @@ fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
             let Some(index) = items.iter().position(|item| name(item).as_deref() == Some(step)).or(number) else {
                 let names: Vec<String> = items.iter().filter_map(name).collect();
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
-                return Err(if names.is_empty() {
+                return Err(if items.is_empty() {
+                    format!("`{step}` is not an entry of this list, which is empty")
+                } else if names.is_empty() {
                     format!("`{step}` is not an entry of this list of {}: give a number from 1 to {}", items.len(), items.len())
                 } else {
                     format!("`{step}` is not in the list: {}", suggestion(step, &names))

@@ -22,7 +22,7 @@ use super::{ALL_VARIANTS, Definition, Expectation, Import, MAX_TIMES_BUDGET_S, M
 use crate::metrics::{self, Axis, LAGS, Needs, Signals};
 use crate::row::{Field, Row};
 
-// Limits of the values in a definition. Larger values are considered typing errors.
+// Limits of the values in a definition, of the lengths of its lists, and of the number of parts of a run. Larger numbers are considered mistakes.
 const MAX_FRAMES: u32 = 100_000;
 const MAX_SEEDS: u32 = 4096;
 const MAX_SPP: u32 = 65_536;
@@ -497,7 +497,9 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
         at.key("claim").fail("is empty: say in a sentence what is expected")?;
     }
     let metric = metrics::known(&expectation.metric).or_else(|what| refuse(&at.key("metric"), what))?;
-    definition.why_not(&expectation.metric).or_else(|what| at.key("metric").fail(what))?;
+    // Metrics that are always measured need not be listed.
+    let measured = |name: &str| if definition.measures(name) { Ok(()) } else { definition.why_not(name) };
+    measured(&expectation.metric).or_else(|what| at.key("metric").fail(what))?;
     if metric.needs == Needs::Clock {
         let pass = expectation.metric.split_once(':').map_or("", |(_, pass)| pass);
         if !facts.passes.contains(&pass) {
@@ -531,7 +533,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     if let Some(value) = over.get("metric") {
         let name = value.as_str().unwrap_or_default();
         other = metrics::known(name).or_else(|what| refuse(&place.key("metric"), what))?;
-        definition.why_not(name).or_else(|what| place.key("metric").fail(what))?;
+        measured(name).or_else(|what| place.key("metric").fail(what))?;
     }
     for (column, value) in over.iter().filter(|(column, _)| *column != "metric") {
         selected(&place.key(column.clone()), column, value, other, definition)?;
@@ -586,7 +588,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
             let last = definition.frames - 1;
             let (low, high) = if column == "lag" { (1, last.min(LAGS)) } else { (0, last) };
             if column == "lag" && metric.axis != Axis::Lag {
-                at.fail(format!("`{}` compares no frames, so its rows have no lag: remove `lag`", metric.name))?;
+                at.fail(format!("`{}` is not measured for each lag: remove `lag`", metric.name))?;
             }
             match value.as_integer() {
                 Some(number) if (i64::from(low)..=i64::from(high)).contains(&number) => Ok(()),

@@ -180,7 +180,7 @@ mod tests {
         };
         let display = e::IntegerBounds::new((-1, 0), (3, 2));
         let moved = write((0, -1), display, None).unwrap();
-        // Only the lower row of samples lies in the display window. It begins one column to the right, and its last sample is outside.
+        // Only the lower row of samples overlaps the display window. It begins in the window's second column, and its last sample is outside.
         let black = [0.0; 3];
         assert_eq!(moved.texels, [black, [4.0, 14.0, 24.0], [5.0, 15.0, 25.0], black, black, black]);
         assert_eq!(moved.terrain(), Some(vec![false, true, true, false, false, false]));

@@ -158,7 +158,7 @@ fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>,
             let known: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).filter(|name| !name.is_empty()).collect();
             let hint = nearest(wanted, &known).map_or_else(String::new, |near| format!("; did you mean `{}`?", one_line(near)));
             let known = if known.is_empty() { "only the picture itself".to_owned() } else { list(known.into_iter()) };
-            Err(format!("has no layer `{wanted}`: there are {known}{hint}"))
+            Err(format!("has no layer `{wanted}`: it has {known}{hint}"))
         }
         several => Err(format!("has {} layers `{wanted}`: rename them, so that each has its own name", several.len())),
     }

@@ -131,9 +131,10 @@ pub struct Errors {
 
 /// Compares a test picture with a reference by all metrics. Both are in linear colour, row by row.
 ///
-/// MSE, MRSE and PSNR are means over the pixels for which `mask` is true. FLIP and SSIM also use the neighbourhood of a pixel. Therefore all pixels
-/// outside the mask are first copied from the reference to the test, and are then excluded from the mean. Their original content has no influence.
-/// Next to the border of the mask, errors are slightly smaller than elsewhere, because a part of the neighbourhood equals the reference.
+/// Each metric is computed from a mean over the pixels for which `mask` is true. FLIP and SSIM also use the neighbourhood of a pixel. Therefore all
+/// pixels outside the mask are first copied from the reference to the test, and are then excluded from the mean. Their original content has no
+/// influence. Next to the border of the mask, differences count slightly less than elsewhere, because a part of the neighbourhood equals the
+/// reference.
 ///
 /// FLIP takes most of the time. Callers that do not need FLIP should use [`Pair`].
 ///

@@ -144,7 +144,7 @@ mod tests {
             assert!((a.power - b.power).abs() < 1e-3);
         }
         assert!(!is_white(&spectrum(&blocks(1))));
-        // Noise in cells of 2 x 1 pixels differs only slightly from white noise, but the test must find the difference.
+        // Noise in cells of 2 x 1 pixels differs less from white noise than noise in cells of 4 x 4 pixels, but the test must find the difference.
         let weak: Vec<f32> = (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 2) as i32, (i / SIDE) as i32, 1, 9) as f32).collect();
         assert!(!is_white(&spectrum(&weak)));
     }
@@ -217,8 +217,8 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // All 16 pixels of a cell have the same value, so only 1/16 of the values are independent. The standard error is therefore sqrt(16) = 4
-            // times larger than computed.
+            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are equal except for a factor. The standard error
+            // is therefore at most sqrt(16) = 4 times larger than computed.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }

@@ -14,7 +14,7 @@
 pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u32; 2]) -> String {
     let (test, reference) = (quoted(test_pattern), quoted(reference_pattern));
     let display = if size[0] <= 1920 && size[1] <= 1080 { "standard_fhd" } else { "standard_4k" };
-    // CGVQM divides the picture into patches. All patches have equal size only if the scale divides both sides. The tool's default is 4.
+    // CGVQM divides the picture into patches. All patches have equal size only if `patch_scale` divides both sides. The tool's default is 4.
     let patch_scale = [4, 3, 2].into_iter().find(|scale| size.iter().all(|side| side % scale == 0)).unwrap_or(1);
     format!(
         "\

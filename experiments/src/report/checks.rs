@@ -13,7 +13,7 @@ pub(super) enum Mark {
     Passes,
     /// The checked statement does not hold.
     Fails,
-    /// The run has too few or unusable data, so some of the rows cannot be judged.
+    /// The run has too few or unusable data: some rows cannot be judged, or the numbers describe only a small part of the picture.
     Unclear,
 }
 
@@ -108,8 +108,9 @@ struct Rule {
     useful: fn(f64) -> f64,
 }
 
-/// Largest bias that rounding can cause, as linear albedo. Devices may round the values of the G-buffer to f16 towards 0. The rounding errors of two
-/// materials and of their mean then differ by up to 2^-12 of the albedo, which is 2^-14 for a mean albedo of 1/4.
+/// Largest bias that rounding can cause for albedos below 1/4, as linear albedo. Devices may round the values of the G-buffer to f16 towards 0. Over
+/// many pixels, the blend then loses half a step of f16 on average, and its materials lose between nothing and a whole step. So the two differ by up
+/// to half a step, which is 2^-14 for albedos from 1/8 to 1/4.
 pub(super) const ROUNDING: f64 = 1.0 / 16_384.0;
 
 const BIAS: Rule = Rule { slack: |_| ROUNDING, useful: |_| 0.05 };

@@ -131,7 +131,7 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
         }
         Source::Promised => match variant_choice(&summary.key.variant) {
             Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)) if !is_fc5(summary) => {
-                Cell::Missing("fetches are promised for fc5 only".to_owned())
+                Cell::Missing("promised fetches are compared for fc5 only".to_owned())
             }
             Ok(VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) => {
                 plain(f64::from(variant.flavours().map(|flavour| promise(run, summary, flavour)).sum::<u32>()))
@@ -154,7 +154,8 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
 }
 
 fn unit(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!(" {unit}") }
+    // The unit of dimensionless metrics is 1.
+    if unit.is_empty() || unit == "1" { String::new() } else { format!(" {unit}") }
 }
 
 /// Returns the number of fetches that the flavour promises for the settings of this row, with the estimator fc5. If the settings enable two tilings,
@@ -167,7 +168,7 @@ fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     Estimator::Fc5.promised_fetches(flavour) * if twice { 2 } else { 1 }
 }
 
-/// Whether the promises, which hold for the estimator fc5, apply to this row. An empty estimator counts as fc5.
+/// Whether this row has the estimator fc5, with whose promises the report compares counted fetches. An empty estimator counts as fc5.
 fn is_fc5(summary: &Summary) -> bool {
     summary.key.estimator.is_empty() || summary.key.estimator == "fc5"
 }
@@ -440,8 +441,8 @@ fn place_of_reference(table: &Table, reference: &ReferenceFacts) -> String {
     format!("{}{setting}, {}", reference.view, reference.signal.name())
 }
 
-/// Checks that the colours of all pixels are finite; `None` if their number is not measured for any choice or reference. A pixel whose colour is not
-/// finite is in no metric, so the metrics of its choice do not describe the whole picture.
+/// Checks that the colours of all pixels are finite; `None` if pixels without a finite colour were not counted for any choice or reference. Such
+/// pixels are in no other metric, so the other metrics of a choice that has some do not describe its whole picture.
 fn invalid(table: &Table) -> Option<Check> {
     let mut counts: Vec<(String, f64)> = Vec::new();
     for reference in &table.references {
@@ -494,7 +495,7 @@ fn some_of(items: &[String], count: usize) -> String {
     items[..shown].join("; ") + &rest
 }
 
-/// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash.
+/// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash and a note that says so.
 pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)> {
     let definition = &run.definition;
     let recorded = |key: &str| run.recorded(key).unwrap_or_else(|| "\u{2013} (not recorded in manifest.json)".to_owned());

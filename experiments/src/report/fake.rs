@@ -77,7 +77,7 @@ pub(super) const NOISES: [&str; 6] = ["hashed", "hashed-anisotropic", "white", "
 /// signals.
 pub(super) const LIT: f64 = 1.25;
 
-/// Returns the cell size of a noise, in pixels. The formulas for flips, clumping and change in motion depend on it.
+/// Returns the cell size of a noise, in pixels. The formulas of flips, clumping, spectra, added change and perceived noise depend on it.
 fn cell(noise: &str) -> f64 {
     [1.6, 1.3, 0.2, 0.35, 0.3, 0.5][NOISES.iter().position(|n| *n == noise).unwrap_or(0)]
 }
@@ -123,8 +123,8 @@ impl Rows {
         }
     }
 
-    /// Adds all metrics of a choice. `scale` is the cell size of its noise. The random part of the added change and of the squared error is
-    /// multiplied by `resolve` (1 = no temporal resolve). A smaller `resolve` also means more lost change.
+    /// Adds the metrics of a choice, except its times. `scale` is the cell size of its noise. The random part of the added change and of the squared
+    /// error is multiplied by `resolve` (1 = no temporal resolve). A smaller `resolve` also means more lost change.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));

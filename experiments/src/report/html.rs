@@ -87,7 +87,7 @@ pub(super) fn terms(terms: &[(&str, &str)]) -> String {
 
 /// Name and explanation of the fetches per pixel.
 pub(super) const FETCHES_TERM: (&str, &str) =
-    ("Fetches per pixel", "texture samples that the shader took, counted while it ran; mean over terrain pixels.");
+    ("Fetches per pixel", "texture accesses of the shader, counted while it ran; mean over terrain pixels.");
 /// Name and explanation of the bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",

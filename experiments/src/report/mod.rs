@@ -51,7 +51,7 @@ pub(crate) struct RunData {
     pub(crate) times: Vec<Row>,
     /// The run's folder, which holds the pictures and receives the report.
     pub(crate) folder: PathBuf,
-    /// Descriptions of the parts and files that the run still lacks, one per line.
+    /// Descriptions of the parts and files that the run still lacks, one in each entry.
     pub(crate) missing: Vec<String>,
     /// The folders that contain the files of the run: the folder of the run, or the folders of its shards.
     pub(crate) folders: Vec<PathBuf>,

@@ -61,7 +61,7 @@ fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     let variance: f64 = terms.iter().map(|(error, _)| error * error).sum();
     let doubt: f64 = terms.iter().map(|(error, freedom)| error.powi(4) / freedom).sum();
     // Without rounding, the result would never be smaller than the smaller number of degrees of freedom. Rounding could make it smaller than 1, where
-    // `limit` is infinite.
+    // `limit` is infinite. So the smaller number is the lower limit of the result.
     let [(_, one), (_, other)] = terms;
     if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
 }
@@ -85,14 +85,16 @@ pub(super) fn level_of_ranking(values: usize, metrics: usize) -> f64 {
     level_of_each(values * values.saturating_sub(1) / 2 * metrics) / 2.0
 }
 
-/// Formats a value with three significant digits and without trailing zeros, for axes and sentences. Very small values are written with a power of
-/// ten, so that only the value 0 is written as 0.
+/// Formats a value like [`significant`], but without trailing zeros after the decimal point, for axes and sentences. Only numbers with a power of ten
+/// keep such zeros.
 pub(super) fn number(value: f64) -> String {
     let fixed = significant(value);
     if fixed.contains('.') && !fixed.contains('e') { fixed.trim_end_matches('0').trim_end_matches('.').to_owned() } else { fixed }
 }
 
-/// Formats a value with three significant digits and with trailing zeros, for columns of tables.
+/// Formats a value with three significant digits and with trailing zeros, for columns of tables. Values from 1000 to a million keep all digits before
+/// the decimal point. Larger values have a power of ten. Values below 0.0001 have two significant digits and a power of ten, so that only the value 0
+/// is written as 0.
 pub(super) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
@@ -268,7 +270,7 @@ mod tests {
         let base = estimate(1.0, 0.03, f64::INFINITY);
         let with = |difference: f64, freedom: f64| estimate(1.0 + difference, 0.04, freedom).is_above(base, 0.05);
         // If only the standard error of `base` is certain, the degrees of freedom are 14 x (0.05 / 0.04)^4 = 34.2, and the limit is 1.691 standard
-        // errors: 0.0846.
+        // errors: 0.0845.
         assert_eq!([with(0.0840, 14.0), with(0.0850, 14.0)], [false, true]);
         assert_eq!([with(0.0820, f64::INFINITY), with(0.0830, f64::INFINITY)], [false, true]);
         assert!(!with(-1.0, 14.0), "it is smaller");

@@ -191,7 +191,7 @@ fn faults() -> Vec<Fault> {
     add("numbers", "a value of NaN", [0.5, f64::NAN], Fails, Box::new(number));
     let time = |run: &mut RunData, value: f64| run.times[0].value = value;
     add("numbers", "a time of NaN", [0.5, f64::NAN], Fails, Box::new(time));
-    // No number may have two rows. The sizes are numbers of additional rows.
+    // No value may be given by more than one row. The size of this fault is the number of copies of the row that are added.
     type IsOfKind = fn(&Row) -> bool;
     let kinds: [(&str, IsOfKind); 8] = [
         ("over all frames", |row| row.metric == "rmse" && row.frame.is_none()),

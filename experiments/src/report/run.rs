@@ -145,7 +145,7 @@ fn facts(run: &RunData, table: &Table) -> String {
         ),
         (
             "\u{b1}, bars and bands",
-            "95 % confidence intervals, except in the column Bias; the ends of an interval of a shading time are ratios of two of the rounds; all other intervals follow from Student's t distribution; without an interval, the error is unknown.",
+            "95 % confidence intervals, except in the column Bias; the interval of a shading time follows from the sorted ratios of the rounds; all other intervals follow from Student's t distribution; without an interval, the error is unknown.",
         ),
         CHOICE_TERM,
     ];
@@ -238,7 +238,7 @@ fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
     values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
 
-/// Returns the half-width of the 95 % confidence interval of a choice's value of `metric`; 0 = unknown.
+/// Returns the half-width of the 95 % confidence interval of a choice's value of `metric`; 0 = unknown, or the value is exact.
 fn half(summary: &Summary, metric: Metric) -> f64 {
     summary.half(metric).unwrap_or(0.0)
 }
@@ -253,8 +253,8 @@ fn shown(table: &Table) -> String {
     format!("whole.signal.isin([\"\", \"{}\"])", table.shown.name())
 }
 
-/// Returns the value of a metric as it is drawn, and the half-width of its 95 % interval (0 = unknown). The shading time is drawn as its ratio to
-/// that of the base of the view ([`Table::shading_base`]).
+/// Returns the value of a metric as it is drawn, and the half-width of its 95 % interval (0 = unknown, or the value is exact). The shading time is
+/// drawn as its ratio to that of the base of the view ([`Table::shading_base`]).
 fn value_and_half(table: &Table, index: usize, metric: Metric) -> (f64, f64) {
     match metric {
         SHADING => table.shading(index).map_or((f64::NAN, 0.0), |shading| (shading.ratio, shading.half_width())),
@@ -389,7 +389,7 @@ fn left_out_of_front(table: &Table, rows: &[usize]) -> String {
     }
     if apart > 0 {
         note += &format!(
-            " {apart} times of other values of {} were not interleaved with these, and take no part in it.",
+            " {apart} times of other values of {} were not interleaved with the rest, and take no part in the front.",
             escape(&table.parameter)
         );
     }
@@ -704,8 +704,8 @@ fn passes(run: &RunData, table: &Table) -> Result<String> {
         let timed: Vec<usize> = table.of_view(view).into_iter().filter(|&i| table.summaries[i].times().next().is_some()).collect();
         let leading: Vec<usize> = timed.iter().copied().filter(|&i| table.summaries[i].key.flavours().is_none_or(|n| n == 1)).collect();
         let shown = if leading.is_empty() || timed.len() <= BARS { &timed } else { &leading };
-        // The choices of a setting share the geometry, whose times are stored with only one of them.
-        // Choices of one estimator and noise were timed in the same rounds.
+        // The choices of a setting share geometry and occlusion culling, whose times are stored with only one of them. Choices with the same setting,
+        // estimator and noise were timed in the same rounds, so the times of the shared passes are taken from one of these.
         let shared = |pass: &str, key: &Key| {
             let rounds = |key: &Key| (key.setting.clone(), key.estimator.clone(), key.noise.clone());
             let of_rounds = timed.iter().map(|&i| &table.summaries[i]).filter(|summary| rounds(&summary.key) == rounds(key));

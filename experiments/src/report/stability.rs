@@ -86,10 +86,17 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// Returns the result of devices in words: that it only had to be finite, that it is exact, or the largest error with the value of the parameter
-    /// at which this error occurs.
+    /// Returns the result of devices in words: that there is no device, that some results are not finite, that they only had to be finite, that they are
+    /// exact, or the largest error with the value of the parameter at which this error occurs.
     fn words(&self) -> String {
         let worst = self.worst();
+        if self.on_gpu().next().is_none() {
+            return "no device".to_owned();
+        }
+        let broken: usize = self.on_gpu().map(|finding| finding.not_finite).sum();
+        if broken > 0 {
+            return format!("{broken} results are not finite");
+        }
         if self.on_gpu().all(|finding| finding.compared == 0) {
             return "finite, as required".to_owned();
         }
@@ -290,7 +297,7 @@ fn of_noise(rows: &[Row]) -> Table {
     of_rows("Hashes and noise", note, &shown)
 }
 
-/// Returns the table of flip rates and clumping on level ground, with one line for each kind of noise.
+/// Returns the table of flip rates and clumping on level ground, with one line for each kind of noise. Clumping is that of the first motion.
 fn of_motion(rows: &[Row]) -> Table {
     let mut kinds: Vec<&str> = Vec::new();
     let mut motions: Vec<&str> = Vec::new();
@@ -461,6 +468,13 @@ mod tests {
         assert_eq!([4_294_967_295.0, 1_048_576.0, -4096.0].map(place), ["4294967295", "1048576", "-4096"]);
         let as_others = [89.0, 0.0, 1e6, 1e30, 1234.5, f64::NAN];
         assert_eq!(as_others.map(place), as_others.map(number));
+    }
+
+    #[test]
+    fn results_that_are_not_finite_are_named() {
+        let broken = [Finding { not_finite: 3, compared: 0, ..finding(10.0, 0.0, ONE, false) }];
+        let text = super::text(&Lab { findings: &broken, ..Lab::default() }, &[]);
+        assert!(text.contains("3 results are not finite") && !text.contains("| finite, as required |"), "{text}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::metrics::{self, Needs, timed_pass};
 use crate::rounds;
 use crate::row::Row;
 
-/// Limit of the number of rows or choices that a check names.
+/// Limit of the number of rows or choices that a check of `columns.rs` names.
 pub(super) const NAMED: usize = 3;
 
 /// The columns that identify a choice.
@@ -275,7 +275,7 @@ impl Summary {
         self.number(metric).and_then(Number::recorded_freedom)
     }
 
-    /// Whether the picture of the choice depends on the seed. Otherwise there is neither bias nor variance to report.
+    /// Whether the measured variance, the predicted variance or the flip rate shows that the choice makes random decisions.
     pub(super) fn is_stochastic(&self) -> bool {
         [VARIANCE, THEORY, FLIPS].iter().any(|m| self.value(*m) > 0.0)
     }
@@ -356,7 +356,7 @@ impl Shading {
         Some(Estimate { error, ..Estimate::exact(self.ratio) })
     }
 
-    /// Returns the half-width of the 95 % interval; 0 = unknown.
+    /// Returns the half-width of the 95 % interval; 0 = unknown, or the ratio is that of the base, which is exact.
     pub(super) fn half_width(&self) -> f64 {
         self.error.map_or(0.0, |error| rounds::NORMAL_95 * error)
     }
@@ -712,7 +712,7 @@ impl Table {
     }
 }
 
-/// Returns a value of the varied parameter as text in the form that rows contain, which has no quotes.
+/// Returns a value of the varied parameter as text without quotes. A whole float may have another form than in rows (1.0 instead of 1).
 fn setting_text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -1,6 +1,7 @@
 //! Measures how accurately directions are stored, and how the errors affect derivatives. An octahedral encoding projects a direction to an octahedron
-//! and stores two coordinates as integers, which are its *code*. The rows contain the mean and the largest errors of stored directions. They also
-//! contain the errors of derivatives that are computed from a stored plane, and compare these errors with an upper bound.
+//! and stores two coordinates as integers. The two integers are the *code* of the direction. The rows contain the mean and the largest errors of
+//! stored directions. They also contain the errors of derivatives that are computed from a stored plane, and compare these errors with an upper
+//! bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
@@ -164,7 +165,8 @@ pub fn octahedral_rows() -> Vec<Row> {
 enum Stored {
     /// An octahedral encoding with 8 + 8 bits and exact rounding. The shading normal has the same number of bits.
     Octahedral,
-    /// The encoding of [`normal_pair`], which uses more bits for the plane than for the shading normal. Together they have 32 bits.
+    /// The encoding of [`normal_pair`]. If the shading normal is near the normal of the plane, 21 bits store the plane, and 10 bits store the shading
+    /// normal. Otherwise, these are 15 and 16 bits. One bit tells the two forms apart, so a pair has 32 bits.
     PlaneFirst,
 }
 

@@ -11,8 +11,9 @@ pub const SAMPLES: u32 = 1_000_000;
 /// Index of the lowest bit of a hash that affects a threshold (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
 /// Number of low bits in an input word of [`hash::pcg4d`] for which the avalanche is complete: a change of one of these bits changes every bit of a
-/// threshold with a probability of one half. Carries of products only affect higher bits. Higher input bits therefore rarely change the lowest output
-/// bits, and input bits 25 and above never change them. These lowest output bits change a threshold by at most 2^-18.
+/// threshold with a probability of one half. Carries of products only affect higher bits, so the higher input bits change the lowest output bits less
+/// often. Input bit b, from 25 on, never changes the output bits from [`FIRST_BIT`] to b - 17. Each of these output bits changes a threshold by at
+/// most 2^-18.
 pub const MIXED_BITS: usize = 21;
 /// Limit for the input bits of a word of [`hash::pcg4d`] from index [`MIXED_BITS`] on. If such a bit changes, each bit in the highest byte of a
 /// threshold changes with a probability that deviates from one half by at most this value.

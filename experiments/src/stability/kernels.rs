@@ -33,7 +33,7 @@ pub struct Finding {
     pub compared: usize,
     /// Number of rows for which result and reference lie on different sides of a threshold, and the threshold lies within the tolerance.
     pub other_side: usize,
-    /// Largest ratio, over the rows, of a row's error to its derived tolerance.
+    /// Largest ratio of a row's error to the derived tolerance, over the rows that count neither as `differ` nor as `other_side`.
     pub of_tolerance: f64,
     /// Largest error in units in the last place (ULP) of the largest result of its row.
     pub worst_ulp: f64,

@@ -33,8 +33,8 @@ pub const ALPHAS: [f64; 9] = [0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99]
 pub const SLOPES_DEG: [f64; 4] = [0.0, 30.0, 60.0, 85.0];
 /// The footprints for which coverage is tested: whole octaves, log2 of metres. They extend beyond the smallest and the largest scale of the noise.
 pub const OCTAVES: std::ops::Range<i32> = -17..6;
-/// Number of samples for each pair of an octave and a slope. The standard error of the coverage is at most 0.1 % for a single pair, and at most 0.01
-/// % for the mean over all 92 pairs.
+/// Number of samples for each pair of an octave and a slope. The standard error of the coverage is at most 0.1 % for a single pair, and at most about
+/// 0.01 % for the mean over all 92 pairs.
 pub const PER_CELL: u32 = 250_000;
 /// Side of the cells in tests of neighbouring places, metres. White noise of the world has cells of this size.
 const CELL_M: f64 = 1.0 / 16.0;

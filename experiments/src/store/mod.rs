@@ -3,14 +3,15 @@
 //!
 //! ```text
 //! OUT/<experiment>[/shard-K-of-N]/
-//!   manifest.json      written first; at the end `complete` becomes true
-//!   lock               locked by the process that does the run
+//!   lock               created first; locked by the process that does the run
+//!   manifest.json      written before all other files but `lock`; at the end `complete` becomes true
 //!   scene/             the imported scene, if the definition imports one
 //!   reference/         converged references, and facts about them (JSON); reference sequences, until no unfinished sweep needs them
 //!   pictures/, video/  pictures of the report; sequences of frames, if the definition requests them
 //!   parts/             a file for each finished part; removed when all parts are finished and joined
 //!   metrics.parquet    all rows of metrics, in the order of the parts; metrics.csv has the same rows
 //!   times.parquet      device times, which differ from run to run; times.csv has the same rows
+//!   report.html, .md   the report, as a page and as a short text
 //! ```
 //!
 //! Every file but `lock` is written under a temporary name and then renamed. A file is therefore either complete or absent. The manifest, the parts
@@ -329,7 +330,7 @@ impl Run {
             let unit = &share.unit;
             let measured = go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome));
             measured.map_err(|error| {
-                // `check` has no --resume, and a definition that cannot be measured must change.
+                // The message gives no hint at --resume in two cases: `check` has no --resume, and a definition that cannot be measured must change.
                 let go_on = if self.manifest.small || error.is::<Unfit>() {
                     ""
                 } else {
@@ -548,8 +549,8 @@ fn is_leftover(name: &str) -> bool {
     name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
 }
 
-/// Removes the files that a run has written, and no other files. The manifest is removed last. Until then, the folder is recognised as the folder of
-/// a run.
+/// Removes the files that a run has written, except its lock, and no other files. The manifest is removed last. Until then, the folder is recognised
+/// as the folder of a run.
 fn remove_results(folder: &Path) -> Result<()> {
     let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
     let reports = [REPORT_PAGE, REPORT_TEXT].into_iter().map(str::to_owned);
@@ -692,7 +693,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         let place = || path.join(manifest::FILE).display().to_string();
         let difference = match first.difference(&alike).with_context(place)? {
             None if counts != Some(count.to_string()) => {
-                Some(format!("it is one of {} shards there and one of {count} here", counts.unwrap_or_default()))
+                Some(format!("the run has {count} shards there and {} here", counts.unwrap_or_default()))
             }
             difference => difference,
         };
@@ -700,7 +701,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
             bail!(
                 "{} does not belong to the same run as {}: {difference}: store the shards of different runs in different folders",
                 path.display(),
-                below[0].display()
+                shards[0].0.display()
             );
         }
         let is_same = |other: &&(PathBuf, Manifest, Shard)| other.0 != *path && other.2 == *shard;
@@ -760,7 +761,11 @@ fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
                 lacking += 1;
             }
         }
-        missing.push(format!("{lacking} of {} parts in {}: run the experiment again with --resume", shares.len(), folder.display()));
+        let what = match lacking {
+            0 => "the tables, although all parts are finished,".to_owned(),
+            _ => format!("{lacking} of {} parts", shares.len()),
+        };
+        missing.push(format!("{what} in {}: run the experiment again with --resume", folder.display()));
     }
     rows.sort_by(Row::order);
     times.sort_by(Row::order);

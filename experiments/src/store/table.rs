@@ -1,7 +1,8 @@
 //! Stores rows in files: as Parquet for programs, and as CSV for people and spreadsheets. Both formats store every number exactly, including NaN.
 //!
-//! The bytes of a file depend only on its rows, because it contains neither a time nor a machine name. Parquet readers do not require a checksum. The
-//! metadata of the file therefore contains a checksum of all values, with which damaged files are recognised and refused.
+//! The bytes of a file depend only on its rows, its notes and the version of the program, because it contains neither a time nor a machine name.
+//! Parquet readers do not require a checksum. The metadata of a Parquet file therefore contain a checksum of all values, with which damaged files are
+//! recognised and refused.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -271,7 +271,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
             Some(key) => format!("the key `{key}` is missing{}", remedy_of_missing(key)),
             None => match span.as_ref().and_then(|span| find_value(text, &message, span)) {
                 Some((key, at)) => return (Some(line(&at)), format!("{key}: {message}")),
-                // The error of the reader has a message and a position, but no key.
+                // The error of the reader has a message and a position, but no key, so the key is found from the position.
                 None => match span.as_ref().and_then(|span| key_of_value(text, span)) {
                     Some(key) if !message.contains(&format!("`{key}`")) => format!("{key}: {message}"),
                     _ => message,

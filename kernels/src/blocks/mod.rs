@@ -192,7 +192,7 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
 pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
     let highest = needed.iter().copied().max().unwrap_or(0);
     let lowest = needed.iter().copied().min().unwrap_or(0);
-    // The six-value mode has 255 as an additional value, so its line of interpolated values only spans the values below 255.
+    // The six-value mode always has the value 255, so its two end points only enclose the needed values below 255.
     let highest_below_full = needed.iter().copied().filter(|&v| v < 255).max().unwrap_or(254);
     let candidates = [(highest, lowest), (lowest.min(highest_below_full), highest_below_full)];
     let mut best: Option<(u32, [u8; 8])> = None;

@@ -13,7 +13,7 @@ use crate::world::{Layout, NodeId, SECTORS};
 pub const LOG2_LARGEST_STRIDE: u32 = PATCH_QUADS.ilog2();
 const _: () = assert!(COARSE_STRIDES[COARSE_STRIDES.len() - 1] == PATCH_QUADS);
 
-/// The strides of the patches of drawn nodes.
+/// The levels of the patches of drawn nodes. They give the vertex stride of each patch, and the level of each side of a patch.
 #[derive(Clone, Debug, Default)]
 pub struct Levels {
     /// For each node, the levels of its 8 x 8 patches, row by row from the south-west corner.
@@ -74,7 +74,7 @@ impl Levels {
                 return least;
             }
             // A side has one level for the patch, for the coarser patch beyond the side, and for all patches along the side of the coarser patch. So
-            // the finest LOD is that of this node, its neighbours and their neighbours.
+            // the finest LOD is taken over this node, its neighbours and their neighbours.
             let finest = levels.around(node).map(|next| ends[next][0]).fold(ends[index][0], u8::min);
             least.max(finest + log2_quads)
         };
@@ -89,7 +89,8 @@ impl Levels {
 
     /// The levels for a view. [`Levels::new`] gets for each patch the largest of the strides 1, 2, 4, 8 and 16 such that this stride and all smaller
     /// strides move the surface of the patch by at most `error_px` pixels on the screen. With an error of 0, all patches have the least stride,
-    /// 2^`log2_least`. The bound of the shift on the screen is the error of the patch ([`PatchBounds::errors_m`]) times [`View::shift_px_per_m`].
+    /// 2^`log2_least`. The bound of the shift on the screen is the error of the patch with the stride ([`PatchBounds::errors_m`]) times
+    /// [`View::shift_px_per_m`].
     ///
     /// [`PatchBounds::errors_m`]: crate::quadtree::PatchBounds::errors_m
     pub fn of(nodes: &[DrawnNode<'_>], layout: &Layout, eye: &View, log2_least: u8, error_px: f64) -> Levels {

@@ -84,7 +84,7 @@ impl Culls {
 /// The conditions under which patches are culled.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditions<'a> {
-    /// The nodes of the world.
+    /// How the quadtree covers the world.
     pub layout: &'a Layout,
     /// The vertex strides of the patches.
     pub levels: &'a Levels,
@@ -95,8 +95,8 @@ pub struct Conditions<'a> {
     pub culls: Culls,
 }
 
-/// Encloses the vertices of a patch as the device computes them, in local coordinates, metres; the layout matches `OcclusionBox` in
-/// `occlusion/cull.wgsl`. Infinite if stitching may move vertices out of the patch.
+/// Encloses the vertices of a patch as the device computes them, in the local coordinates of the view from which patches are culled, metres; the
+/// layout matches `OcclusionBox` in `occlusion/cull.wgsl`. Infinite if stitching may move vertices out of the patch.
 #[allow(missing_docs, reason = "low and high corner, and padding")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

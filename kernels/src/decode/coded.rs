@@ -52,7 +52,7 @@ fn unreadable(error: png::DecodingError) -> Fault {
     match error {
         png::DecodingError::IoError(source) => Fault::of_io(source),
         png::DecodingError::LimitsExceeded => {
-            Fault::TooLarge("a row of pixels or its metadata take more than 64 MiB: resize it, or save it without metadata".to_owned())
+            Fault::TooLarge("a row of pixels, or the metadata, takes more than 64 MiB: resize it, or save it without metadata".to_owned())
         }
         other => Fault::Damaged(one_line(&other.to_string())),
     }

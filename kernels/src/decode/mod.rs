@@ -1,4 +1,4 @@
-//! Readers of external file formats; they return plain arrays.
+//! Readers of external file formats. They return plain arrays of samples (for PNG and JPEG pictures: a decoder), and what a file says about them.
 
 mod chromaticities;
 pub mod coded;

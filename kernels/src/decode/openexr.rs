@@ -173,9 +173,9 @@ pub fn read(input: impl BufRead + Seek, max_side: u32) -> Result<Vec<Part>, Faul
 ///
 /// # Errors
 /// The text has one line, without the name of the file. [`Fault::Io`]: the operating system cannot read the file. [`Fault::Unsupported`]: deep
-/// data, subsampled channels, HTJ2K compression, integers that f32 cannot represent exactly. [`Fault::TooLarge`]: a window exceeds the limits,
-/// there are more than 2^31 samples, or a block has more than 2^28 bytes. [`Fault::Damaged`]: the file contradicts itself or ends too early,
-/// a block is missing, or two channels have the same name.
+/// data, subsampled channels, HTJ2K compression, integers that f32 cannot represent exactly, or a feature that the crate `exr` does not support.
+/// [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has more than 2^28 bytes.
+/// [`Fault::Damaged`]: the file contradicts itself or ends too early, a block is missing, or two channels have the same name.
 pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec<Part>, Fault> {
     // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, the crate would report an unknown compression
     // as a missing compression.

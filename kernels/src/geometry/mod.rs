@@ -318,8 +318,8 @@ struct Batches {
 }
 
 impl Batches {
-    /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, the nearest patch first. In a batch, the
-    /// order of the patches is kept.
+    /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, in the order in which the patches are
+    /// given. In a batch, this order is kept.
     fn of(log2_strides: &[u32], ends: &[f64]) -> Batches {
         let mut out = Batches { batches: Vec::new(), patches: Vec::new(), phases: 0 };
         let mut order = 0u32;

@@ -17,7 +17,7 @@ pub struct Surface<'a> {
     pub world: &'a World,
     /// The nodes that are drawn; they do not overlap.
     pub drawn: &'a [NodeId],
-    /// The levels of their patches.
+    /// The levels of the patches of the drawn nodes.
     pub levels: &'a Levels,
 }
 
@@ -37,8 +37,8 @@ impl Surface<'_> {
         (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| self.drawn.contains(node))
     }
 
-    /// The vertices of the triangle that is drawn at a position, world metres, in counter-clockwise order if seen from above. `None` = no ground is drawn
-    /// there: the position is outside the data or the drawn nodes, or a vertex of the triangle is in a hole.
+    /// The vertices of the triangle that is drawn at a position, world metres, in counter-clockwise order if seen from above. `None` = no ground is
+    /// drawn there: the position is outside the data or the drawn nodes, or a vertex of the triangle is in a hole.
     pub fn triangle_at(&self, at: DVec2) -> Option<[DVec3; 3]> {
         let [east, north] = self.world.extent_m().map(|extent| extent / 2.0);
         let node = self.node_at(at).filter(|_| at.x.abs() <= east && at.y.abs() <= north)?;
@@ -161,7 +161,7 @@ mod tests {
         let scene = scene::load(scene::DEFAULT).expect("built in");
         let world = World::new(&scene).expect("a world");
         let layout = *world.layout();
-        // A node of LOD 0 between neighbours of LOD 1 and 2. West and east of x, or south and north of y, different nodes are drawn.
+        // A node of LOD 0, a neighbour of LOD 1 to the east, and a neighbour of LOD 2 to the south.
         let nodes = [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 1, x: 16, y: 16 }, NodeId { lod: 2, x: 7, y: 7 }];
         let every_vertex = Levels::new(&nodes, 0, |_, _| 0);
         let coarse = Levels::new(&nodes, 0, |node, [column, row]| (unit(9, 40 + 8 * row + column + node as u32) * 5.0) as u8);
@@ -204,7 +204,7 @@ mod tests {
             let levels = Levels::new(&[node], 0, |_, _| 0);
             Surface { world: &world, drawn: &[node], levels: &levels }.height_m(1032.0 + dx, 1032.3)
         };
-        // At LOD 0, vertices are 0.5 m apart, so triangles up to 1 m from the edge of the hole may be dropped.
+        // At LOD 0, vertices are 0.5 m apart, so dropped triangles reach up to 0.71 m beyond the edge of the hole.
         assert_eq!([0.0, 2.7, 4.2].map(|dx| height(0, dx).is_some()), [false, false, true]);
         // No vertex of LOD 5 is in the hole.
         assert_eq!([0.0, 2.7, 4.2].map(|dx| height(5, dx).is_some()), [true; 3]);

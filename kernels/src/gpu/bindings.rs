@@ -1,5 +1,5 @@
-//! Explicit bind-group layouts, with one line per binding. They are never derived from a shader, because textures must be bound even if only dead
-//! branches use them.
+//! Explicit bind-group layouts: lists with one [`Binding`] for each binding. They are never derived from a shader, because textures must be bound
+//! even if only dead branches use them.
 
 use crate::gpu::{Gpu, Shader};
 

@@ -31,7 +31,7 @@ impl Sources {
         Ok(Sources { texts })
     }
 
-    /// Whether every shader has its embedded text.
+    /// Whether no embedded text is replaced.
     pub fn is_empty(&self) -> bool {
         self.texts.is_empty()
     }

@@ -1,4 +1,5 @@
-//! Lists of the passes and textures that a scene uses, to be shown to users.
+//! Descriptions of the passes and textures of a frame, for lists that are shown to users. The lists also contain passes and textures that the scene
+//! does not require.
 
 use serde::Serialize;
 

@@ -122,7 +122,7 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// materials, which the names of the files tell apart. Links are followed, but no folder is read twice.
 ///
 /// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
-/// are listed as unused, except text files, which are copied with the images ([`chosen`]).
+/// are listed as unused, except text files: those in the folder of a material are copied with its images ([`chosen`]).
 ///
 /// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///
@@ -295,7 +295,7 @@ impl fmt::Display for MaterialSurvey {
 fn more_lines(f: &mut fmt::Formatter<'_>, what: &str, lines: usize) -> fmt::Result {
     match lines.saturating_sub(MOST_LINES) {
         0 => Ok(()),
-        more => write!(f, "\n  {what}: {more} more lines like these"),
+        more => write!(f, "\n  {what}: {more} more (not listed)"),
     }
 }
 
@@ -418,7 +418,8 @@ fn safe(name: &str) -> String {
 }
 
 /// Makes the names unique, even on systems that do not distinguish upper and lower case. A name that occurs more than once is replaced by
-/// the path to the folder. If a path also occurs more than once, a number is appended.
+/// the path from `root` to the folder, followed by the name if the path does not end with it. If the result also occurs more than once, a number is
+/// appended.
 fn make_unique(root: &Path, places: &mut [Place]) {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for place in places.iter() {
@@ -527,7 +528,7 @@ fn copy(recognised: &Recognised, to: &Path) -> Result<()> {
         move |source| Error::File { file, source }
     };
     fs::create_dir_all(to).map_err(failed(to))?;
-    // A packed image holds several maps, so the set of images contains it only once.
+    // A packed image holds several maps. Because `images` is a set, such an image is copied only once.
     let images: BTreeSet<&Path> = recognised.maps().map(|(_, source)| source.file.as_path()).collect();
     let mut taken = BTreeSet::new();
     for file in images.into_iter().chain(recognised.notes.iter().map(PathBuf::as_path)) {

@@ -231,7 +231,7 @@ impl fmt::Display for Understood {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.report)?;
         if !self.holes.is_empty() {
-            writeln!(f, "holes: {}, each a circle of {} m", self.holes.len(), HOLE_RADIUS * self.map.metres_per_texel)?;
+            writeln!(f, "holes: {}, each a circle with a radius of {} m", self.holes.len(), HOLE_RADIUS * self.map.metres_per_texel)?;
         }
         if self.detail_m > 0.0 {
             writeln!(f, "added relief: up to {} m", self.detail_m)?;

@@ -1,5 +1,5 @@
-// Writes the values that the shading pass derives from each pixel of the geometry pass. The workbench's inspector shows these values, and
-// tests check them.
+// Writes the values that the shading pass derives from each pixel of the geometry pass. The layers `position`, `ddx` and `ddy` are made from these
+// values, the workbench's inspector shows them, and tests check them.
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;

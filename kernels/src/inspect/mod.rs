@@ -23,11 +23,11 @@ pub struct Inspected {
     pub position: [f32; 3],
     /// Atlas slot of the finest loaded node at the position.
     pub slot: u32,
-    /// Change of the position from this pixel to the next pixel on the right, metres.
+    /// Change of the position from this pixel to the next pixel on the right, on the plane of this pixel's triangle, metres.
     pub ddx: [f32; 3],
     /// Column x and row y, in the splat map of the node, of the south-western of the four splat texels around the pixel: x | y << 16.
     pub corner: u32,
-    /// Change of the position from this pixel to the next pixel below, metres.
+    /// Change of the position from this pixel to the next pixel below, on the plane of this pixel's triangle, metres.
     pub ddy: [f32; 3],
     /// Axis (x, y, z: 0, 1, 2) of the projection with the largest weight.
     pub plane: u32,

@@ -56,8 +56,8 @@ fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
 ///
 /// Light of the sun is reflected in two ways: as diffuse light (albedo / pi, times 1 minus the Fresnel reflectance) and as specular light (GGX).
 /// Light of the sky is also reflected in two ways: as diffuse light (albedo / pi, times irradiance) and as specular light (the fit of the split-sum
-/// table, times the radiance from the mirror direction). The dot product of the normal and `to_eye` is raised to at least 0.001, as in the shader: at
-/// grazing angles, the normal of the G-buffer may face away from the eye.
+/// table, times the radiance from the mirror direction). The dot product of the normal and `to_eye` is raised to at least 0.001, as in the shader,
+/// except for the mirror direction: at grazing angles, the normal of the G-buffer may face away from the eye.
 pub fn radiance<T: Real>(surface: &Surface<T>, light: &Light<T>, to_eye: [T; 3]) -> ([T; 3], [T; 3]) {
     let n = surface.normal;
     let half = octahedral::unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));

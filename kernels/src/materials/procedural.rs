@@ -26,7 +26,8 @@ struct Recipe {
     name: &'static str,
     /// Difference in height between the lowest and the highest texel, in repeats.
     relief: f32,
-    /// Mean luminance of the albedo (Rec. 709 weights), near published values for this kind of ground when dry.
+    /// Mean luminance of the albedo (Rec. 709 weights), before the albedo is limited to 0.004..0.95. It is near published values for this kind of
+    /// ground.
     luminance: f32,
     sketch: fn(&Bench) -> Sketch,
 }
@@ -266,7 +267,7 @@ struct Cells {
     from: Vec<[f32; 2]>,
 }
 
-/// The size of the maps, texels, and the seed of a recipe.
+/// The edge length of the maps in texels, and the seed of a recipe.
 struct Bench {
     n: usize,
     seed: u32,
@@ -517,7 +518,7 @@ impl Stone {
         let start = dice.unit() * TAU;
         let planes = std::array::from_fn(|k| {
             if k < 2 {
-                // Two nearly horizontal faces on top, which meet in a ridge.
+                // Two gently sloping faces on top, which meet in a ridge.
                 let (s, c) = dice.between(0.0, TAU).sin_cos();
                 let tilt = dice.between(0.05, 0.45);
                 [c * tilt, s * tilt, top - sunk]
@@ -647,7 +648,7 @@ impl Strip {
 // ---------------------------------------------------------------------------------------------------------------------------------
 // Recipes
 
-/// Two displacement fields for warping cell noise.
+/// Two displacement fields, along u and along v, for warping other fields and cell noise.
 fn warp(bench: &Bench, waves: u32, salt: u32) -> [Field; 2] {
     [bench.fbm(waves, 4, salt), bench.fbm(waves, 4, salt + 1)]
 }
@@ -678,8 +679,8 @@ fn granite(bench: &Bench) -> Sketch {
             blocks.push(Stone::stamp(position, radius, false, sunk, &mut dice, shade, 0.0));
         }
     }
-    // Straight joints look artificial, so the blocks are drawn in slightly bent coordinates.
     let texel = 1.0 / bench.n as f32;
+    // Straight joints look artificial, so the blocks are drawn in slightly bent coordinates.
     canvas.draw(&blocks, |block, d, i| {
         let (h, face) = block.height([d[0] + 0.02 * wx.v[i], d[1] + 0.02 * wy.v[i]]);
         (h > -0.08).then(|| Touch {
@@ -761,7 +762,7 @@ fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough
     let texel = 1.0 / bench.n as f32;
     canvas.draw(stones, |stone, d, i| {
         let (h, face) = stone.height(d);
-        // The faces of a broken stone weather differently.
+        // The faces of a broken stone weather differently, so the brightness depends on the face.
         let shade = 0.92 + 0.03 * (face % 7) as f32;
         (h > -stone.top).then(|| Touch {
             height: h + roughness * stone.top * rough.v[i],
@@ -844,8 +845,9 @@ fn lay_strips(bench: &Bench, canvas: &mut Canvas, strips: &[Stamp<Strip>]) {
     canvas.draw(strips, |strip, d, _| strip.touch(d, texel));
 }
 
-/// `across`² blades of grass that lean in all directions. `length` is the range of their lengths, and `width` their half-width, in repeats. The
-/// colour of each blade is between two neighbouring entries of `colours`. Where `clump`, about -1..1, is larger, blades are longer and higher.
+/// `across`² blades of grass that lean in all directions. `length` is the range of their lengths where `clump` is 0, in repeats. Their half-widths
+/// are 0.7 to 1.2 times `width`. The colour of a tip lies between two neighbouring entries of `colours`, times a random factor of 0.8 to 1.2. The
+/// root is half as bright. Where `clump`, about -1..1, is larger, blades are longer and higher.
 fn blades(bench: &Bench, across: u32, salt: u32, length: [f32; 2], width: f32, colours: &[[f32; 3]], clump: &Field) -> Vec<Stamp<Strip>> {
     bench
         .scatter(across, salt)

@@ -1,9 +1,9 @@
 //! Statistics of surface points over frames, for live views of noise and flicker.
 //!
 //! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame earlier. [`Followed`] carries
-//! running moments along the links. The moments are exponential averages over a window of n frames: a new frame has the weight 1/n. While a point has
-//! been visible in fewer than n frames, all these frames have the same weight. If a point was not visible one frame earlier, its statistics start
-//! again.
+//! running moments along the links. The moments are exponential averages over a window of n frames: a new frame has the weight 1/n, and a new
+//! difference between two frames has the weight 1/(n - 1). While a point has been visible in fewer than n frames, all these frames have the same
+//! weight. If a point was not visible one frame earlier, its statistics start again.
 
 use rayon::prelude::*;
 
@@ -50,7 +50,8 @@ pub struct Point {
 impl Point {
     /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame earlier; `None` = the point was not visible.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
-        if now.luminance < 0.0 {
+        // Sky is negative. A luminance that is not finite would spoil the moments of all later frames.
+        if now.luminance < 0.0 || !now.luminance.is_finite() {
             return Point::default();
         }
         let Some(p) = before.filter(|p| p.frames > 0.0) else {
@@ -67,7 +68,7 @@ impl Point {
         let frames = (p.frames + 1.0).min(window);
         let share = 1.0 / frames;
         let deviation = now.luminance - p.mean;
-        // n frames have n - 1 differences from one frame to the next.
+        // n frames have n - 1 differences from one frame to the next, so a new difference has the weight 1 / (n - 1).
         let share_of_steps = 1.0 / (frames - 1.0).max(1.0);
         let comparable = now.choice != 0 && p.last_choice != 0;
         let chosen = if comparable { (p.chosen + 1.0).min(window) } else { p.chosen };
@@ -280,7 +281,8 @@ mod tests {
         // Luminance is uniform in 0..1, so its variance is 1/12. The measured variance is smaller by the factor 31/32, because deviations are taken
         // from the mean of the 32 frames. The mean absolute difference of two uniform numbers is 1/3. Each tolerance is six standard errors of a mean
         // over 40 000 pixels and over 32 frames or 31 differences. For the standard errors: a squared deviation has the standard deviation 0.0745, an
-        // absolute difference has 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in successive frames are not independent.
+        // absolute difference has 0.236. The factors 1.2 and 1.5 are margins: the deviations of a pixel are taken from one mean, and successive
+        // differences share a frame, so neither the deviations nor the differences are independent.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
         // The mean error of a block is close to normally distributed. Its square, divided by the expected square, therefore has the standard

@@ -1,7 +1,8 @@
-// A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames,
-// and writes sums and histograms. Only these are read back, never a picture. The picture is divided into blocks of 64 x 8 pixels, and each block into
-// 8 parts: part i has the columns i, i + 8, ... of its block. One invocation sums a part, so no barrier is needed, and the order of the additions is
-// fixed. Neighbouring invocations read neighbouring pixels at the same time, so they share cache lines.
+// A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames.
+// It writes sums and histograms, which the host reads back in each frame, and remembered errors (`measure_remember`), which the host reads back only
+// where it needs them. The picture is divided into blocks of 64 x 8 pixels, and each block into 8 parts: part i has the columns i, i + 8, ... of its
+// block. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read neighbouring
+// pixels at the same time, so they share cache lines.
 
 struct MeasureFrame {
     size: vec2<u32>,
@@ -53,8 +54,8 @@ struct MeasurePart {
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> parts: array<MeasurePart>;
-// Two histograms at lag 1: of |dY| in the first MEASURE_BINS bins, of |dY - dR| in the other bins. 16 bins per octave; the first bin of each
-// histogram also counts all values below 2^-14.
+// Two histograms at lag 1, over the rows of the quarter: of |dY| in the first MEASURE_BINS bins, of |dY - dR| in the other bins. 16 bins per octave;
+// the first bin of each histogram also counts all values below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 512>;
 // The pictures of the reference sequence, in the same slots as those of the stream.
 @group(1) @binding(3) var<storage, read> reference: array<vec2<u32>>;
@@ -154,7 +155,8 @@ fn measure_residual(sum: MeasureResidual, change: MeasureChange) -> MeasureResid
 
 // Updates the remembered error of a pixel's surface point. It models an eye that follows the surface, as an exponential mean of the error over time:
 // a new frame has the weight `adaptation`. While 1/n exceeds `adaptation`, the n-th frame of a point has the weight 1/n instead, so the result is the
-// plain mean of the n frames. The mean starts again if the pixel has no link, or if the previous frame has no picture of the reference sequence.
+// plain mean of the n frames. The mean starts again if the pixel has no link, if the previous frame has no picture of the reference sequence, or if
+// the error of the linked pixel was not known. Where the error of this frame is not known, mean and number of frames are 0.
 fn measure_remember(at: u32, link: u32, now: MeasureSeen) {
     if !now.known {
         memory[measure.memory_slot + at] = vec2<f32>(0.0);

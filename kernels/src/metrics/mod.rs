@@ -3,8 +3,8 @@
 //! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
 //! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed
 //! the same surface point one frame earlier. It also links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then
-//! the current picture of each stream is compared with the earlier pictures of the stream, and only sums and histograms are read back.
-//! Memory does not grow with the number of frames.
+//! the current picture of each stream is compared with the earlier pictures of the stream. Sums and histograms are read back in each frame, pictures
+//! and remembered errors only on request. Memory does not grow with the number of frames.
 //!
 //! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
 //! It then also keeps the remembered error of each surface point: an exponential mean over time, which models the eye ([`Meter::memory`],
@@ -92,10 +92,10 @@ pub struct MeasurePart {
 /// Sums of one lag in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
-    /// Number of terrain pixels whose point was looked up in the earlier frame. At lag 1, these are all terrain pixels; at lags 2 to 4, they are the
-    /// terrain pixels of a quarter, which is a different quarter in each frame.
+    /// Number of terrain pixels that are followed at this lag. At lag 1, these are all terrain pixels; at lags 2 to 4, they are the terrain pixels of
+    /// a quarter, which is a different quarter in each frame. They are counted even in the first frames, which have no frame so much earlier.
     pub terrain: u64,
-    /// Number of these pixels whose point was visible in the earlier frame.
+    /// Number of these pixels whose point was visible in the earlier frame, with a finite colour.
     pub linked: u64,
     /// Number of linked pixels with a random choice in both frames.
     pub chosen: u64,
@@ -405,7 +405,8 @@ impl Meter {
         })
     }
 
-    /// Offsets in the ring buffers, pixels: of the picture of this frame, and of the pictures of the earlier frames.
+    /// Offsets in the ring buffers, pixels: of the picture of this frame, and of the pictures of the earlier frames. Also the quarter of the rows
+    /// that this frame uses.
     pub fn slots(&self) -> Slots {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
@@ -519,16 +520,18 @@ impl Meter {
 
     /// Returns the remembered errors of a stream after the last measured frame, row by row from the top. The remembered error of a pixel is the
     /// exponential mean, over time, of the error of its surface point ([`perceived`]). Each entry is this mean and the number of frames in it; 0
-    /// frames = the pixel has no terrain in the stream or in the reference. Empty if the meter has no [`Viewing`], so that it measures no errors.
+    /// frames = the pixel has no terrain in the stream or in the reference. Empty if the last measured frame has no picture of the reference
+    /// sequence, or if the meter has no [`Viewing`].
     ///
     /// # Errors
     /// When the device is lost or reported an error.
     pub fn memory(&self, gpu: &Gpu, stream: usize) -> Result<Vec<[f32; 2]>> {
         let pixels = self.size[0] * self.size[1];
-        if self.streams[stream].memory.size() < u64::from(pixels) * 2 * 8 {
+        let Stream { memory, track, .. } = &self.streams[stream];
+        if self.referenced[track.signal as usize] == 0 || memory.size() < u64::from(pixels) * 2 * 8 {
             return Ok(Vec::new());
         }
-        // The index has already advanced to the next frame.
+        // The index has already advanced to the next frame, so the last measured frame is now the previous frame.
         let [_, last] = self.memory_slots();
         let words = read_signal(gpu, &self.streams[stream].memory, last, pixels)?;
         Ok(words.into_iter().map(|words| words.map(f32::from_bits)).collect())

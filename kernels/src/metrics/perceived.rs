@@ -6,15 +6,15 @@
 //! of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
 //!
 //! Tests check these closed forms: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself.
-//! The temporal mean multiplies the root mean square of errors that are independent from frame to frame by sqrt(a / (2 - a)). The spatial filter
-//! multiplies the root mean square of errors that are independent from pixel to pixel by its [`norm`].
+//! After many frames, the temporal mean has multiplied the root mean square of errors that are independent from frame to frame by sqrt(a / (2 - a)).
+//! Far from borders, the spatial filter multiplies the root mean square of errors that are independent from pixel to pixel by its [`norm`].
 //! Source: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*); Korac et al.
 //! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) filter an error jointly over space and time, too.
 
 use rayon::prelude::*;
 
-/// Time constant of the exponential mean, seconds. This constant and the widths of the two Gaussians were fitted to the results of ColorVideoVDP, a
-/// published model of visible differences (`make judges`).
+/// Time constant of the exponential mean, seconds. This constant and the widths of the two Gaussians were fitted to verdicts of ColorVideoVDP, a
+/// published model of visible differences; METHODOLOGY.md says how. `make judges` compares perceived noise with such verdicts.
 pub const TIME_CONSTANT_S: f64 = 0.1;
 /// Standard deviation of the narrow Gaussian, degrees of visual angle. With [`SURROUND_DEG`], the filter passes 3.1 cycles per degree best, which is
 /// about where the eye's sensitivity to contrast has its maximum (Barten 1999, *Contrast Sensitivity of the Human Eye*).
@@ -97,8 +97,9 @@ fn blurred([width, height]: [usize; 2], picture: &[f32], weights: &[f32]) -> Vec
     out
 }
 
-/// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers. It computes in f32,
-/// with a rounding error below 6e-6 of the largest error in reach of a pixel.
+/// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers. It computes in f32.
+/// At 67 pixels per degree, the rounding error is below 6e-6 of the largest error in reach of a pixel; with more pixels per degree, it
+/// may be larger.
 pub struct Filter {
     size: [usize; 2],
     gaussians: [Vec<f32>; 2],
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn the_filter_is_the_difference_of_two_means_over_terrain() {
-        // The size is no multiple of the block, and the picture is smaller than the reach of the wide Gaussian (23 pixels).
+        // The width is no multiple of the block, and the height is less than the reach of the wide Gaussian (23 pixels).
         let size = [37, 19];
         let mut filter = Filter::new(size.map(|n| n as u32), 67.0);
         // The second picture has the terrain of the first one, the third has other terrain.

@@ -1,4 +1,4 @@
-//! The sums of one frame in f64: the reference for `measure.wgsl` and `seeds.wgsl`.
+//! The sums of a frame, the remembered errors, and the sums over seeds, in f64: the reference for `measure.wgsl` and `seeds.wgsl`.
 
 use super::{AREA, AreaSums, BINS, BINS_PER_OCTAVE, FrameSums, LOWEST_OCTAVE, Residual, SeedSums, VarianceSums, areas};
 use crate::motion::{LAGS, NO_LINK};

@@ -29,11 +29,13 @@ pub const SLOTS: u32 = 5;
 /// The value of a link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
 /// Largest relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
-/// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the point. If the point is visible, the two depths differ
-/// for two reasons only: the stored normal is quantised (an error of less than 1 degree), and the ground is curved over half a pixel.
+/// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the earlier position of the point. If the point was
+/// visible, the two depths differ only slightly: the stored normal is quantised (an error of at most 0.64 degrees, or 1.9 degrees near edge-on
+/// incidence), the ground is curved over half a pixel, and it may have been drawn with another LOD.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Offsets in the ring buffers, pixels: where the picture of this frame begins, and where the pictures of the earlier frames begin.
+/// Offsets in the ring buffers, pixels: where the picture of this frame begins, and where the pictures of the earlier frames begin. Also the quarter
+/// of the rows that this frame uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// Offset of this frame's picture.

@@ -116,7 +116,7 @@ impl Stage for Occlusion {
 }
 
 impl Occlusion {
-    /// Records the test of the patches of a phase against what was drawn so far.
+    /// Records the passes that make the depth pyramid of what was drawn so far, and that test the patches of a phase against it.
     pub fn encode(&self, rec: &mut Recording<'_>, targets: &geometry::Targets, pyramid: &Pyramid, list: &PatchList, phase: u32) {
         let gpu = rec.gpu;
         let depth = aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly);

@@ -1,8 +1,9 @@
 //! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
 //!
-//! The values of the stages are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! The references compute the exact values in f64 from the same inputs as the shaders. The exact values are the random thresholds and the
-//! choice that follows from them, the page and level of the virtual texture, and the derivatives on the triangle that was drawn.
+//! The values of the stages are read back from the device: depth, both normals, mask, the variant of the tile, derivatives, splat texels, the
+//! recorded choice. The references compute the exact values in f64. The weights of the flavours, the random thresholds, the choice that follows from
+//! them, and the page and level of the virtual texture are computed from the same inputs as in the shaders. The exact derivatives are those on the
+//! triangle that was drawn.
 //!
 //! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on
 //! the sides of patches are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from
@@ -35,8 +36,8 @@ const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
 /// times the longer of the two steps to a neighbouring pixel. Points lie outside because of rounding: positions are f32, and the rasteriser rounds
 /// screen coordinates to multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
-/// Tolerance for the distance of a visible point from the plane of its triangle: the first number in metres, plus the second number times the width
-/// of a pixel at the point.
+/// Tolerance for the distance of a visible point from the plane of its triangle: the first number in metres, plus the second number times the height
+/// of a pixel at the depth of the point.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
 /// The values of one terrain pixel. Vectors are in world axes: x east, y north, z up.
@@ -337,7 +338,7 @@ fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Optio
 /// A visible surface point, and the tolerances of its position.
 struct Spot {
     position: DVec3,
-    /// Normal of the triangle, as the geometry pass stored it.
+    /// Normal of the triangle, as the geometry pass stored it, but turned towards the camera.
     normal: DVec3,
     beside_m: f64,
     off_plane_m: f64,

@@ -3,8 +3,8 @@
 use super::judge::{Draw, Verdict, farthest};
 use super::{Cell, Measure, Probe, real, whole, word};
 
-/// The part of the tolerance that is proportional to the length of the colour line, which is the line between the two end points of a block: 3 % of
-/// its length. The Direct3D 11.3 functional specification, section 19.5, allows it, because devices may first expand end points to 8 bits, with
+/// The part of a channel's tolerance that is proportional to the difference between the two end points of the block in this channel: 3 % of the
+/// difference. The Direct3D 11.3 functional specification, section 19.5, allows it, because devices may first expand end points to 8 bits, with
 /// rounding.
 const OF_LINE: f64 = 0.03;
 /// The constant part of the tolerance: two steps of an 8-bit channel. The specification allows one. This test allows two, because a decoder in 8-bit

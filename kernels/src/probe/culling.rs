@@ -193,8 +193,9 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 /// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be drawn or culled. The margin
-/// is a difference between cosines. At an angle whose sine is small, the same difference between cosines corresponds to a larger difference between
-/// angles.
+/// is a difference between cosines, so cosines are compared with it and not angles: at an angle whose sine is small, the same difference between
+/// cosines corresponds to a larger difference between angles. A patch that faces away may also be drawn if the half angle of the cone and the angular
+/// radius of the sphere nearly add up to a right angle.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
     // `between` is the angle between the axis and the direction to the patch. The reference culls if cos(between) exceeds sin(a + s) by
@@ -475,7 +476,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let covers =
         (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]) && got[1 + k] <= got[3 + k]);
     let is_deep = got[6] >= nearest.min(1.0);
-    // If the result says that the cover is known (first column = 1), the other columns must be correct.
+    // If the result says that the cover is known (`known` is 1), the other results must be correct.
     if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
         return Verdict::Differs;
     }

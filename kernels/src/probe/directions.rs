@@ -557,10 +557,10 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // The result is t (s - r' (n.s / n.r')), where s is the step and r' is the neighbour's ray. The error of n is 11 ULP, so the error of n.s is
-    // about 16 ULP of the length s, and the error of n.r' is about 16 ULP of r, the length of r'. Both errors enter the quotient, which is multiplied
-    // by r'. In the result, the error of n.s becomes s (r / facing) and the error of n.r' becomes |n.s| (r / facing)², in units of 16 ULP. The
-    // tolerance allows 20 ULP.
+    // The result is t (step - ray' (n.step / n.ray')), where ray' is the neighbour's ray. In the following, s is the length of the step, and r is the
+    // length of ray'. The error of n is 11 ULP, so the error of n.step is about 16 ULP of s, and the error of n.ray' is about 16 ULP of r. Both
+    // errors enter the quotient, which is multiplied by ray'. In the result, the error of n.step becomes s (r / facing), and the error of n.ray'
+    // becomes |n.step| (r / facing)², in units of 16 ULP. The tolerance allows 20 ULP.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
     // If the ray lies in the plane, rounding decides which side of the plane it sees.
@@ -581,7 +581,8 @@ fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let weights = triplanar::weights(n, row[3]);
     // A weight is proportional to 2^(k log2 r), where r is the ratio of a component of the normal to the largest component. log2 has an error of
     // 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Together they change the weight by at most (4 ln 2 + 12) k ULP, which is less than 16 k
-    // ULP. A normalised weight w changes in proportion to w (1 - w), so weights close to 0 or 1 hardly change; `sensitivity` is this factor.
+    // ULP. A normalised weight w changes in proportion to w (1 - w), so weights close to 0 or 1 hardly change; `sensitivity` is four times the
+    // largest of these factors, and at most 1.
     let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
     let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
     let gradients: [[f64; 3]; 3] = [
@@ -644,8 +645,8 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let plane = got[0] as u32;
     let step = (std::f64::consts::PI / 8.0).tan();
-    // Distances of the normal from the thresholds at which the plane changes: the slope with the input `cosine`, and the azimuths at 22.5 degrees to
-    // either side of the axes.
+    // Distances of the normal from the thresholds at which the plane changes: the slope whose cosine is the input `cosine`, and the azimuths at 22.5
+    // degrees to either side of the axes.
     let [x, y] = [n[0].abs(), n[1].abs()];
     let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
     let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);
@@ -662,7 +663,8 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let gradient = [row[11], row[12]];
     let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
     let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
-    // A coordinate is a sum and a product, and each is rounded once.
+    // A coordinate is a sum and a product, and each is rounded once, so its error is at most 1 ULP of the length of the position. The tolerance
+    // allows 2 ULP. The tolerance of the gradient is analogous.
     let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
     let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
     both(both(verdict, whole), both(coordinates, volume))

@@ -98,7 +98,7 @@ pub fn equal(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
 }
 
-/// Largest |a - b| of all pairs of numbers.
+/// Largest |a - b| of two numbers at the same index.
 pub(super) fn farthest(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }

@@ -42,7 +42,7 @@ impl Demands {
     pub fn of(scene: &Scene) -> Demands {
         let (holes, edge, colour_modulation) = match &scene.world {
             World::Procedural { holes, colour_modulation, .. } => (holes, false, colour_modulation),
-            // The data of a heightmap seldom end exactly at the border of a sector.
+            // The data of a heightmap seldom end exactly at the border of a sector, so the ground may end inside the world.
             World::Heightmap { holes, colour_modulation, .. } => (holes, true, colour_modulation),
         };
         let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
@@ -76,6 +76,7 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourDemand> {
     let decide = |flavour: Flavour| match flavour {
         Flavour::VirtualTexture if rules.far_atlas_m > 0.0 => (true, format!("ground nearer than {} m", rules.far_atlas_m)),
         Flavour::VirtualTexture => (false, "flavours.far_atlas_m = 0: all ground is shaded from the far atlas".to_owned()),
+        Flavour::FarAtlas if rules.far_atlas_m <= 0.0 => (true, "all ground that is not a cliff".to_owned()),
         Flavour::FarAtlas => {
             (true, format!("ground beyond {} m, and ground without a cached page of the virtual texture", rules.far_atlas_m))
         }
@@ -88,10 +89,8 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourDemand> {
         Flavour::Splat if cliffs && rules.splat_band_deg > 0.0 => (
             true,
             format!(
-                "slopes of {} to {} degrees nearer than {} m",
-                rules.cliff_slope_deg - rules.splat_band_deg,
-                rules.cliff_slope_deg,
-                rules.cliff_near_m
+                "slopes of up to {} degrees below {} degrees, nearer than {} m",
+                rules.splat_band_deg, rules.cliff_slope_deg, rules.cliff_near_m
             ),
         ),
         Flavour::Splat if cliffs => (false, "flavours.splat_band_deg = 0".to_owned()),

@@ -45,7 +45,8 @@ table! {
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
-        /// Width of the range of slopes over which ground and cliff blend. Half of it is on either side of `cliff_slope_deg`.
+        /// Width of the range of slopes over which flavours blend, at `cliff_slope_deg` and at the lower end of the splat band. Half of the width is on
+        /// either side of these slopes.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
         /// Width of the band of slopes just below `cliff_slope_deg` that is shaded by full tri-planar splat, up to the distance `cliff_near_m`.
         /// These slopes are too steep for one projection, and they border on contrasting materials. 0: no splat.

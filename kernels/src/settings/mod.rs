@@ -1,8 +1,9 @@
 //! Settings: values that a user chooses. Each setting is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
 //! A table is an array of [`Setting`]s for one type that stores the values: [`crate::scene::settings`] for a scene, [`crate::frame::settings`] for
-//! the choices of a frame and of its stages. These tables serve scene files, definitions of experiments, the command line, the workbench with
-//! its state file, and the reference documentation. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
+//! the choices of a frame and of its stages, and a table for the choices of the workbench alone. These tables serve scene files, definitions of
+//! experiments, the command line, the workbench with its state file, and the reference documentation. A value that is not accepted is described by
+//! the same sentence everywhere ([`Setting::accept`]).
 
 use std::fmt;
 

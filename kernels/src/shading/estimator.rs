@@ -61,7 +61,7 @@ const NOWHERE: [bool; 3] = [false; 3];
 const ON_CLIFFS: [bool; 3] = [true, true, false];
 
 impl Estimator {
-    /// Estimators whose result is a picture.
+    /// Estimators that a user can choose by name.
     pub const ALL: [Estimator; 8] = [
         Estimator::Fc5,
         Estimator::Exact,

@@ -37,9 +37,9 @@ pub mod salt {
     pub const FAR_CLIFF: u32 = 2;
     /// Salt of full splat, for estimators that shade splat with random choices.
     pub const SPLAT: u32 = 3;
-    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of texels in the albedo and normal textures.
+    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of mip level and texel in the albedo and normal textures.
     pub const TEXEL: u32 = 4;
-    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of texels in the height texture.
+    /// The estimator `stf` adds this number to the salt of a flavour, for the random choice of mip level and texel in the height texture.
     pub const HEIGHT_TEXEL: u32 = 8;
 }
 

@@ -42,8 +42,8 @@ override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTI
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
 // The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and
-// SALT_HEIGHT_TEXEL are used by the estimator `stf`. They are added to the salt of a flavour for the random choice of texels: SALT_TEXEL in the
-// albedo and normal textures, SALT_HEIGHT_TEXEL in the height texture.
+// SALT_HEIGHT_TEXEL are used by the estimator `stf`. They are added to the salt of a flavour for the random choice of mip level and texel: SALT_TEXEL
+// in the albedo and normal textures, SALT_HEIGHT_TEXEL in the height texture.
 
 struct Pixel {
     index: vec2<u32>,

@@ -2,7 +2,8 @@
 //!
 //! Source: Quilez, *Biplanar mapping*, 2020. An axis has weight 0 if the normal's component along it is at most 1/√3 in size; above that size, the
 //! weight grows. Where the middle and the smallest component are equal in size, the dropped projection changes. Both components are then at most
-//! 1/√3 and have weight 0, so the weights do not jump. They jump only on the eight diagonals, where all three components are equal in size.
+//! 1/√3 and have weight 0, so the weights do not jump. They jump only on the eight diagonals, where all three components are equal in size. With
+//! sharpness 0, they also jump where a component passes 1/√3, because the weight of a larger component does not depend on its size.
 
 use super::bounded;
 use super::octahedral::unit;

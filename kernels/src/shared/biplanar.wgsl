@@ -12,7 +12,7 @@ struct Biplanar {
 }
 
 // Weights of the two largest components: ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8), normalised. `sharpness` is k, the exponent of tri-planar
-// weights. On the eight diagonals, the first axis gets all the weight; the blend jumps only there.
+// weights. On the eight diagonals, the first axis gets all the weight. If k is above 0, the blend jumps only there.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));
     var axes = vec2<u32>(0u, 1u);
@@ -31,7 +31,7 @@ fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     }
     let k = 0.125 * usable_positive_1(sharpness, BIPLANAR_MAX_SHARPNESS);
     // The values are divided by the larger one, whose term is then 1. A value of 0 has weight 0 for any exponent, even
-    // for 0, so the weight of an axis falls to 0 before the axis is dropped.
+    // for 0, so the weight of an axis is 0 where the axis is dropped.
     let r = above / top;
     let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));
     return Biplanar(axes, w / (w.x + w.y));

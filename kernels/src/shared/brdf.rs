@@ -25,7 +25,7 @@ pub fn d_ggx<T: Real>(n_dot_h: T, alpha: T) -> T {
     ratio * ratio / T::of(std::f64::consts::PI)
 }
 
-/// Visibility G / (4 n.v n.l), 1/sr.
+/// Visibility G / (4 n.v n.l), a pure number.
 /// Heitz, *Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs*, JCGT 3(2), 2014, equation 99 (height-correlated). The result is
 /// at most 5e6, which is its value if n.v and n.l are both 0.
 pub fn v_smith_ggx_correlated<T: Real>(n_dot_v: T, n_dot_l: T, alpha: T) -> T {

@@ -28,7 +28,7 @@ fn brdf_d_ggx(n_dot_h: f32, alpha: f32) -> f32 {
     return (a / d) * (a / d) / BRDF_PI;
 }
 
-// Visibility G / (4 n.v n.l), 1/sr. Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014.
+// Visibility G / (4 n.v n.l), a pure number. Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014.
 fn brdf_v_smith_ggx_correlated(n_dot_v: f32, n_dot_l: f32, alpha: f32) -> f32 {
     let v = brdf_unit(n_dot_v);
     let l = brdf_unit(n_dot_l);

@@ -97,8 +97,9 @@ pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
 }
 
 /// The weights of the flavours in a variant's `mask`, summing to 1. A flavour that [`mask`] leaves out has weight zero here, too, so that a pixel
-/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`], so that the shader
-/// evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
+/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`] before
+/// normalisation, so that the shader evaluates it. If no weight of the mask is above [`MIN_WEIGHT`], all flavours of the mask get equal weights. An
+/// empty mask counts as far atlas.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
     let mask = if mask & 31 == 0 { FAR_ATLAS } else { mask & 31 };
     let least = T::of(if forced { FORCED_WEIGHT } else { 0.0 });

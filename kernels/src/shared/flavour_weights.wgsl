@@ -100,8 +100,9 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
 }
 
 // The weights of the flavours in a variant's mask, summing to 1. A flavour that `flavour_mask` leaves out has weight zero here, too, so that a pixel
-// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that the shader evaluates
-// it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
+// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets at least FLAVOUR_FORCED_WEIGHT before
+// normalisation, so that the shader evaluates it. If no weight of the mask is above FLAVOUR_MIN_WEIGHT, all flavours of the mask get equal weights.
+// An empty mask counts as far atlas.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

@@ -3,7 +3,8 @@
 //! Source: Mikkelsen, *Practical Real-Time Hex-Tiling*, JCGT 11(2), 2022, after Heitz and Neyret, *High-Performance By-Example Noise using a
 //! Histogram-Preserving Blending Operator*, HPG 2018. This module uses Mikkelsen's exponent 7 on barycentric weights, but neither his weighting by
 //! luminance nor his rotations. **Contrast is not preserved**: blending three independent offsets multiplies the variance of a texture by Σ w², which
-//! is a third where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture with a Gaussian histogram.
+//! is a third where three hexagons meet. Heitz and Neyret divide the difference between the blend and the mean by √Σ w², which needs a texture with a
+//! Gaussian histogram.
 //!
 //! Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of two, and the skew of the lattice is 37/64.
 //! The edge of a sector is therefore a whole number of fixed-point steps, which are 2^-16 of the lattice spacing. So the ids of hexagons are exact

@@ -10,8 +10,8 @@ use super::real::Real;
 /// Number of layers of the blend.
 pub const LAYERS: usize = 8;
 
-/// Share of `layer` at a point: the sum of the weights, 0..=1, of the surrounding texels that show this layer. `layers` are the layers of the four
-/// texels, `weights` their weights. In WGSL: `layers_share`.
+/// Share of `layer` at a point: the sum of the weights of the surrounding texels that show this layer. `layers` are the layers of the four texels,
+/// `weights` their weights, each clamped to 0..=1. In WGSL: `layers_share`.
 pub fn share<T: Real>(weights: [T; 4], layers: [u32; 4], layer: u32) -> T {
     let of_layer = weights.into_iter().zip(layers).filter(|&(_, l)| l == layer);
     of_layer.fold(T::zero(), |sum, (w, _)| sum + bounded(w, 0.0, 1.0))

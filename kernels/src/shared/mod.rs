@@ -41,7 +41,7 @@ macro_rules! shared_files {
             pub static $name: Wgsl =
                 Wgsl::new(concat!("shared/", $topic, ".wgsl"), include_str!(concat!($topic, ".wgsl")), &[$(&$need),*])$(.with($constants))?;
         )*
-        /// Every shared WGSL file.
+        /// Every shared WGSL file except `signal.wgsl`, see [`SIGNAL`].
         pub static WGSL: &[&Wgsl] = &[$(&$name),*];
     };
 }

@@ -42,8 +42,8 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
     return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && usable_number(distance) && distance < MOTION_FAR);
 }
 
-// The ray of a pixel of the earlier camera. The function inverts the computation of the pixel in motion_reproject; `x_row` and `y_row` are
-// perpendicular. Zero if a component of the ray is NaN or beyond 1e30.
+// The ray of a pixel of the earlier camera. The function inverts the computation of the pixel in motion_reproject. The formula holds because
+// `forward`, `x_row` and `y_row` are perpendicular to each other. Zero if a component of the ray is NaN or beyond 1e30.
 fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);

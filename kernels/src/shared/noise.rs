@@ -22,17 +22,18 @@
 //!   [`HashedPoint::sector_m`]. This step is the same for all points, so that the noise does not depend on the sector relative to which a point is
 //!   given.
 //! - In the anisotropic kind, the footprint along an axis counts as at least [`LEAST_SHARE`] of the footprint along the axis on which it is widest.
-//!   On level ground, the elevation does not change from pixel to pixel, so without this rule, cells would be smallest along the elevation. There,
-//!   the rounding error of depth would move points to other cells. This error grows with the distance, as footprints do.
+//!   On level ground, the elevation does not change from pixel to pixel, so without this rule, cells would be smallest along the elevation. Then the
+//!   rounding error of depth would move points to other cells. A share of the footprint is enough as a limit, because this error grows with the
+//!   distance, as footprints do.
 //! - Along the elevation, borders between cells are a third of a cell above the multiples of the cell width ([`BORDER`]). Otherwise, level ground at
 //!   a whole elevation would lie on a border, and one step of f32 would move all of it to other cells.
 //!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
 //! direction: a rational lattice whose 3 x 3 neighbourhoods contain evenly spread values. It is computed in fixed point here, where the products are
 //! exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be independent;
-//! therefore each of the four decisions transposes or mirrors the pixel coordinates in a different way. The published function alone is not uniform:
-//! its factor 52.98 is not a whole number, so values above 0.983 are 1.9 % too rare. A hashed offset, which is added modulo 1 for each decision,
-//! corrects this.
+//! therefore the four decisions use the pixel coordinates in four ways: as they are, mirrored, transposed, and both. The published function alone is
+//! not uniform: its factor 52.98 is not a whole number, so values above 0.983 are 1.9 % too rare. A hashed offset, which is added modulo 1 for each
+//! decision, corrects this.
 
 use std::fmt;
 use std::str::FromStr;
@@ -368,8 +369,8 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// The finest scale along each axis at which a cell is at least 2^[`STEPS`] steps of f32 wide: log2 of cells per metre, from [`LEVEL_MIN`]` + 1` to
-/// [`LEVEL_MAX`]. In WGSL: `noise_finest`.
+/// The finest scale along each axis: log2 of cells per metre, from [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. A cell of this scale is at least 2^[`STEPS`]
+/// steps of f32 wide. In WGSL: `noise_finest`.
 pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
     let across = finest_along(bounded(point.sector_m, 0.0, 1e12));
     [across, across, finest_along(usable(point.position[2]))]

@@ -4,17 +4,17 @@
 // Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise works equally well at the origin and
 // 1000 km from it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
 
-// Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If a sector is at least 32 m wide, its edge is a whole number of
-// cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks stores the blue-noise mask, then the slices of the
-// spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
+// Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. The width of a sector is a power of two and at least 32 m, so its
+// edge is a whole number of cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks stores the blue-noise mask,
+// then the slices of the spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
 // Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
-// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m. A cell is then at least 16 steps of f32 wide, so that
-// the rounding of a position seldom moves it to another cell.
+// The finest scale along an axis whose coordinates are at most |largest|, m. A cell is then at least 16 steps between neighbouring f32 values wide,
+// so that rounding seldom moves a position to another cell.
 fn noise_finest_along(largest: f32) -> i32 {
     // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
     let bits = bitcast<u32>(largest);
@@ -171,8 +171,8 @@ fn noise_interleaved_gradient_value(pixel: vec2<u32>, frame: u32) -> u32 {
     return inner * NOISE_IGN_WHOLE + noise_high_product(inner, NOISE_IGN_REST);
 }
 
-// Interleaved gradient noise for four decisions. For each decision, the pixel is shifted by whole pixels, and the value gets an offset modulo 1. Each
-// decision also transposes or mirrors the pixel coordinates in a different way, because shifted copies of one lattice would not be independent.
+// Interleaved gradient noise for four decisions. For each decision, the pixel is shifted by whole pixels, and the value gets an offset modulo 1.
+// Shifted copies of one lattice would not be independent, so the four decisions use the coordinates as they are, mirrored, transposed, and both.
 fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
     var units: vec4<f32>;
     for (var decision = 0u; decision < 4u; decision++) {

@@ -80,7 +80,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
             continue;
         }
         let decoded = direction(p, half);
-        // Skips a code if the plane that it decodes to would be seen from behind: the derivatives on that plane would be reversed.
+        // Skips points whose decoded plane would be seen from the other side, because the derivatives on that plane would be reversed.
         if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
             continue;
         }
@@ -256,13 +256,13 @@ mod tests {
                 }
             }
         }
-        // The largest errors are close to the upper limits, so smaller limits would not hold.
+        // The largest errors are above 97 % of the upper limits, so limits that are 3 % smaller would not hold.
         assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
     }
 
     /// A random pixel of a random camera that sees a plane from above, at an angle of incidence of `incidence` degrees: the ray, its steps to the
-    /// neighbours, and the plane's normal, whose z is at least 0. The field of view is uniform in 20..100 degrees; the orientation and the pixel of
-    /// 1920 x 1080 are arbitrary.
+    /// neighbours, and the plane's normal, whose z is at least 0. The vertical field of view is uniform in 20..100 degrees; the orientation and the
+    /// pixel of 1920 x 1080 are arbitrary.
     fn sight(draw: &mut Draw, incidence: f64) -> ([f64; 3], [[f64; 3]; 2], [f64; 3]) {
         let forward = draw.direction();
         let right = draw.leaning(forward, std::f64::consts::FRAC_PI_2);
@@ -312,7 +312,7 @@ mod tests {
             }
             let [median, most] = [0.5, 0.95].map(|part| [share(&codes, part), share(&pair, part)]);
             println!(
-                "{band:?} degrees, {:.1} % fine: median {:.3} % of two codes, {:.3} % of the pair ({:.1} times less), p95 {:.3} and {:.3} ({:.1})",
+                "{band:?} degrees, {:.1} % fine: median error {:.3} % (two codes), {:.3} % (pair), ratio {:.1}; p95 {:.3} %, {:.3} %, ratio {:.1}",
                 100.0 * fine as f64 / SIGHTS as f64,
                 100.0 * median[0],
                 100.0 * median[1],
@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn no_derivative_is_reversed_next_to_edge_on() {
         let mut draw = draw(4);
-        // Number of reversed derivatives: with fine words, with plain words, and with plain words encoded without a ray.
+        // Number of sights with a reversed derivative: with fine words, with plain words, and with plain words encoded without a ray.
         let mut reversed = [0; 3];
         const SIGHTS: usize = 20_000;
         for _ in 0..SIGHTS {
@@ -342,7 +342,10 @@ mod tests {
                 *count += usize::from(derivative_errors(ray, steps, n, decode(word).plane).1);
             }
         }
-        println!("reversed of {SIGHTS}: fine {}, plain {}, without a ray {}", reversed[0], reversed[1], reversed[2]);
+        println!(
+            "sights of {SIGHTS} with a reversed derivative: fine {}, plain {}, plain without a ray {}",
+            reversed[0], reversed[1], reversed[2]
+        );
         assert!(reversed[0] == 0 && reversed[1] == 0 && reversed[2] * 200 > SIGHTS, "{reversed:?} of {SIGHTS}");
     }
 }

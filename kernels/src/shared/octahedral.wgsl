@@ -77,7 +77,7 @@ fn octahedral_store8(code: vec2<f32>) -> vec2<f32> {
     return (code + OCTAHEDRAL_HALF) / 255.0;
 }
 
-// The value that a unorm8 channel stores: q / 255 with q = round(127 e) + 127.
+// The values that two unorm8 channels store for a point of the square. For each coordinate e, the value is q / 255 with q = round(127 e) + 127.
 fn octahedral_quantise8(e: vec2<f32>) -> vec2<f32> {
     return octahedral_store8(octahedral_quantise(e, OCTAHEDRAL_HALF));
 }

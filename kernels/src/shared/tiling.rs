@@ -21,7 +21,7 @@ pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
 }
 
 /// Texture repeats per sector in the fixed-point format of [`fixed`]: 24 fractional bits, modulo 2^32 ([`fixed`] does not need the higher bits).
-/// `sector_m` and `tile_m` are in metres, `tile_m` > 0. `tile_m` is the wanted edge of one repeat. Its actual edge is `sector_m` divided by
+/// `sector_m` and `tile_m` are in metres, `tile_m` > 0. `tile_m` is the wanted edge of one repeat. The actual edge is `sector_m` divided by
 /// the rounded repeats of [`repeats`]. For the part of a coordinate within the sector, also use the rounded repeats, so that textures are
 /// continuous across sector borders.
 #[allow(clippy::cast_possible_truncation, reason = "the fixed-point number counts modulo 2^32")]

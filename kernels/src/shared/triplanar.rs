@@ -45,8 +45,8 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose gradient in space is `gradient` (metres per metre): n minus the part of `gradient` that is
-/// tangent to the surface. If the largest component of `gradient` exceeds 1e6, `gradient` is scaled down until this component is 1e6. A gradient with
-/// a component that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
+/// tangent to the surface. If a component of `gradient` exceeds 1e6 in magnitude, `gradient` is scaled down until its largest component has the
+/// magnitude 1e6. A gradient with a component that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);

@@ -45,8 +45,8 @@ fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
 }
 
 // Normal of the surface displaced by a height whose gradient in space is `gradient`: n minus the part of `gradient` that is tangent to the surface.
-// If the largest component of `gradient` exceeds 1e6, `gradient` is scaled down until this component is 1e6. A gradient with a component that is NaN
-// or beyond 1e30 counts as 0. The result is a unit vector.
+// If a component of `gradient` exceeds 1e6 in magnitude, `gradient` is scaled down until its largest component has the magnitude 1e6. A gradient with
+// a component that is NaN or beyond 1e30 counts as 0. The result is a unit vector.
 fn triplanar_perturb(n: vec3<f32>, gradient: vec3<f32>) -> vec3<f32> {
     let unit = octahedral_unit(n);
     let known = select(vec3<f32>(0.0), gradient, vec3<bool>(usable_within_3(gradient, 1e30)));

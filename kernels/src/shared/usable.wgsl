@@ -1,6 +1,6 @@
 // Guards that keep NaN, infinity and very large numbers out of computations. They test bit patterns, because comparisons of numbers are not reliable
-// here: a WGSL compiler may assume that NaN and infinity never occur (section 14.6 of the WGSL specification), and a device may flush denormals to
-// zero.
+// here: a WGSL compiler may assume that NaN and infinity never occur (WGSL specification, section "Floating Point Evaluation"), and a device may
+// flush denormals to zero.
 
 // Mask that removes the sign bit. If the remaining bits are read as an integer, a larger magnitude gives a larger integer. 0x7f800000 is infinity,
 // and every larger integer is NaN.

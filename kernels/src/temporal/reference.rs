@@ -4,7 +4,7 @@ use super::{Resolve, SHARE, TemporalFrame};
 use crate::motion::NO_LINK;
 use crate::shared::signal;
 
-/// The shaded pictures of a frame and of the previous frame, the links between them, and the history.
+/// The shaded pictures of a frame and of the previous frame, the links between them, the earlier positions of the surface points, and the history.
 pub struct Frame<'a> {
     /// The shaded picture of this frame.
     pub now: &'a [[u32; 2]],

@@ -1,5 +1,5 @@
 // Temporal resolve of one stream of pictures, in two steps that are both optional. FlipQuad averages four samples from two frames. The exponential
-// resolve clamps the history to the 3 x 3 colour box of the current frame and then blends the current colour into it.
+// resolve clamps the history to the 3 x 3 colour box of the current frame and then blends the current colour into the clamped history.
 // Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling);
 // Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
 
@@ -43,7 +43,8 @@ fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     return select(own, 0.5 * (own + signal_colour(other)), signal_is_terrain(other));
 }
 
-// Returns the bilinearly filtered history at a position. Only terrain pixels that have a history contribute; w = 0 if there is none.
+// Returns the bilinearly filtered history at a position. Only terrain pixels that have a history contribute. The result has w = 1, or w = 0 if the
+// weights of these pixels sum to at most 0.001.
 fn temporal_history(position: vec2<f32>) -> vec4<f32> {
     let corner = floor(position);
     let f = position - corner;

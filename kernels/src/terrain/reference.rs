@@ -1,8 +1,9 @@
 //! Terrain access in f64: the reference for `terrain.wgsl`.
 //!
 //! It decodes the compressed payloads of nodes and the compressed textures of the palette, and filters them without the GPU. Positions are metres
-//! from the south-west corner of the world, and are not split into sectors. Anisotropic filtering and hex tiling are not covered, so
-//! `blend.anisotropy` must be 1. Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018 (splat map, detail textures); WebGPU, "Texel filtering".
+//! from the south-west corner of the world, and are not split into sectors. Anisotropic filtering is not covered, so `blend.anisotropy` must be 1.
+//! Hex tiling, texels chosen at random, and the blends in bands and layers are not covered either. Source: Moore, *Terrain Rendering in Far Cry 5*,
+//! GDC 2018 (splat map, detail textures); WebGPU, "Texel filtering".
 
 use std::collections::BTreeMap;
 
@@ -180,7 +181,7 @@ impl<'w> Ground<'w> {
         Cell { ids, fraction: (at - corner).to_array() }
     }
 
-    /// The baked albedo and normal of the far atlas at a place. Height and gradient of the surface are 0.
+    /// The baked albedo, smoothness, occlusion and normal of the far atlas at a place. Height and gradient of the surface are 0.
     pub fn baked(&self, spot: &Spot) -> (Surface, DVec3) {
         let node = &self.nodes[&spot.node];
         // The map has 128 x 128 texels and a border of 2 texels. So the centre of texel i is at the node coordinate (i - 2 + 0.5) / 128, and `at` is

@@ -344,9 +344,9 @@ fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> S
 // Number of mip levels between the two bands of a texture: the fine band contains detail finer than 2^3 pixels.
 const TERRAIN_BAND_MIPS: f32 = 3.0;
 
-// Blends four taps in two bands: twenty fetches, five per tap. The transition of each band is about as wide as the wavelength of the band.
-// The coarse band is blended with bilinear weights, so its transition is as wide as the splat cell. The fine band is blended with the weights of the
-// height blend, so its transition follows the relief.
+// Blends four taps with the albedo in two bands: twenty fetches, five per tap. The transition of each band is about as wide as the wavelength of the
+// band. The coarse band is blended with bilinear weights, so its transition is as wide as the splat cell. The fine band is blended with the weights
+// of the height blend, so its transition follows the relief. Gradient, smoothness and specular occlusion are blended like the fine band.
 // Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
 fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);

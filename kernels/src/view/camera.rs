@@ -76,7 +76,7 @@ pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) 
     }
 }
 
-/// A camera pose and the size of its image, with the rays and the matrix that follow from them. Positions are relative to the camera's sector.
+/// A camera pose and the size of its image, with the rays and the matrix that follow from them. The position of the pose is in world coordinates.
 ///
 /// *Local* coordinates: x, y relative to the south-west corner of the camera's sector, z = elevation.
 #[derive(Clone, Copy, Debug)]
@@ -195,10 +195,10 @@ mod tests {
             let step = 1e-6;
             let moved = on_screen(point + direction * step).distance(on_screen(point)) / step;
             let bound = view.shift_px_per_m(low, low + size);
-            assert!(moved <= bound * (1.0 + 1e-4), "{moved} of {bound}");
+            assert!(moved <= bound * (1.0 + 1e-4), "moved by {moved} px per m, the bound is {bound}");
             closest = closest.max(moved / bound);
         }
-        assert!(closest > 0.9, "the bound is far too large: {closest}");
+        assert!(closest > 0.9, "the bound is far too large: the largest move is {closest} of its bound");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-// Uniforms that every stage of a frame reads: the camera, the flavour rules, the blend, the light. Local coordinates: x, y in metres from the
+// Uniforms that the stages of a frame share: the camera, the flavour rules, the blend, the light. Local coordinates: x, y in metres from the
 // south-west corner of the camera's sector, z = elevation in metres.
 
 struct Frame {
@@ -67,7 +67,8 @@ fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     return octahedral_decode(octahedral_dequantise8(code));
 }
 
-// Decodes the normal of the triangle's plane in a texel. The result may be the opposite normal, because the side of a plane is not stored.
+// Decodes the normal of the triangle's plane in a texel. With NORMALS_PLANE_FIRST, the result may be the opposite normal, because this encoding does
+// not store the side of a plane.
 fn frame_plane(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.zw);

@@ -1,4 +1,4 @@
-//! The camera, and the uniforms of a frame that every stage reads.
+//! The camera, and the uniforms that the stages of a frame share.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,7 +11,7 @@ mod flavours;
 pub mod normals;
 mod reprojection;
 
-/// WGSL with the uniforms that every stage reads, and with the functions that read and write the normals of the geometry pass.
+/// WGSL with the uniforms that the stages of a frame share, and with the functions that read and write the normals of the geometry pass.
 pub static WGSL: Wgsl = Wgsl::new(
     "view/frame.wgsl",
     include_str!("frame.wgsl"),

@@ -20,7 +20,8 @@ pub enum NormalEncoding {
     #[default]
     Octahedral,
     /// 32 bits, as `Octahedral`. If the two normals are near each other, the normal of the triangle's plane is stored with 8 times finer
-    /// steps. The shading normal is stored relative to the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
+    /// steps, and the shading normal is stored relative to the plane. The shading normal always decodes to the same 8 + 8 bits as with
+    /// `Octahedral`. See [`normal_pair`].
     PlaneFirst,
     /// Two octahedral encodings in f32, without rounding to integers: 128 bits. The errors of the other encodings are measured against this
     /// encoding.
@@ -73,7 +74,7 @@ impl NormalEncoding {
     }
 
     /// Decodes a texel of [`Self::bytes`] bytes to two unit vectors: the shading normal and the normal of the triangle's plane. In WGSL:
-    /// `frame_shading_normal` and `frame_plane`. The plane's normal may be the opposite of the triangle's normal.
+    /// `frame_shading_normal` and `frame_plane`. With `PlaneFirst`, the plane's normal may be the opposite of the triangle's normal.
     ///
     /// # Panics
     /// If the texel does not have [`Self::bytes`] bytes.

@@ -160,7 +160,7 @@ pub struct PageJob {
 pub struct PageCounts {
     /// Number of pages that the picture requested.
     pub wanted: usize,
-    /// Number of pages that were not cached and were rendered for this frame.
+    /// Number of pages that were rendered for this frame, because they were not cached or the nodes under them had changed.
     pub rendered: usize,
     /// Number of pages that were replaced by a coarser page, because all requested pages together did not fit in the cache.
     pub coarsened: usize,
@@ -453,7 +453,8 @@ impl VirtualTexture {
 
     /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The pass of [`VirtualTexture::encode_requests`]
     /// must have run. `groups`: the bind groups of the frame and of the terrain data. `nodes`: the nodes that the frame may read, each with the
-    /// revision of its materials.
+    /// revision of its materials. `camera_sector`: the sector of the camera. If several pages match a request, the page nearest to the
+    /// camera is meant.
     ///
     /// # Errors
     /// When the device is lost.

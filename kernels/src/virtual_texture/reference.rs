@@ -9,9 +9,9 @@ use glam::{DVec2, DVec3};
 use super::{LEVELS, TEXELS_PER_M};
 use crate::terrain::reference::{Ground, Projection, Surface};
 
-/// Size of a footprint in texels of level 0: the length of the shorter of the two `steps`, or the length of the longer step divided by `anisotropy`,
-/// whichever is larger, times 2^`mip_bias`. `steps` lead to the two neighbouring pixels, metres; `anisotropy` is the largest anisotropy of page
-/// filtering.
+/// Size of a footprint in texels of level 0, multiplied by 2^`mip_bias`. `steps` lead to the two neighbouring pixels, metres; only their horizontal
+/// parts count. The size is the horizontal length of the shorter step, but at least that of the longer step divided by `anisotropy`, the largest
+/// anisotropy of page filtering.
 pub fn texels(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> f64 {
     let [a, b] = steps.map(|step| step.truncate().length());
     a.min(b).max(a.max(b) / anisotropy) * TEXELS_PER_M * mip_bias.exp2()
@@ -27,7 +27,7 @@ pub fn level(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> u32 {
 /// position is not covered by a loaded node.
 pub fn sample(ground: &Ground<'_>, position: DVec3, steps: [DVec3; 2], mip_bias: f64) -> Option<Surface> {
     let level = level(steps, mip_bias, 1.0);
-    // Mip level within the page, from the number of page texels that the longer step covers.
+    // Mip level within the page, from the number of page texels that the horizontal part of the longer step covers.
     let longest = steps.map(|step| step.truncate().length()).into_iter().fold(0.0, f64::max) * TEXELS_PER_M * mip_bias.exp2();
     let mip = (longest.log2() - f64::from(level)).clamp(0.0, 1.0);
     let [fine, coarse] = [0, 1].map(|mip| bilinear(ground, position.truncate(), f64::from(1u32 << (level + mip)) / TEXELS_PER_M));

@@ -12,6 +12,8 @@
 //!
 //! All computations are sums, products, quotients, square roots and floors, so that all machines agree on every bit.
 
+use crate::shared::hash::pcg;
+
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
 
@@ -51,13 +53,6 @@ impl Dual {
     fn slope_squared(self) -> f64 {
         self.x * self.x + self.y * self.y
     }
-}
-
-/// Hashes a 32-bit number to a 32-bit number: PCG-RXS-M-XS (O'Neill 2014; Jarzynski & Olano 2020).
-fn pcg(v: u32) -> u32 {
-    let state = v.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
 }
 
 /// Rotations whose cosine and sine are rational numbers, from Pythagorean triples. Octaves with consecutive indices are rotated differently, so

@@ -36,7 +36,7 @@ use rules::Rules;
 pub const SECTORS: u16 = 160;
 /// Number of LODs of the quadtree: 0 (the finest, one node per sector) to 5.
 pub const LODS: u8 = 6;
-/// Edge of a sector of an unscaled world, metres.
+/// Edge of a sector, metres. In an imported world that is wider than 10 240 m, the edge is this value times a power of two, see [`Layout::sector_m`].
 pub const SECTOR_M: f64 = 64.0;
 /// Quads along a node's edge, at every LOD.
 pub const NODE_QUADS: u16 = 128;
@@ -221,7 +221,7 @@ impl World {
         }
     }
 
-    /// Makes the world of a heightmap, which need not belong to a scene: `import` calls this function before there is a scene.
+    /// Makes the world of a heightmap that is in memory. `import` calls this function to measure slopes, before the new scene has rules and a file.
     pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,
@@ -318,8 +318,8 @@ impl World {
         }
     }
 
-    /// The elevation from which slope and curvature are measured, metres. In a procedural world, it has no fine relief; with a heightmap, it equals
-    /// [`World::height_m`].
+    /// The elevation from which slope and curvature are measured, metres. In a procedural world, it is [`Generator::broad_height_m`]; with a
+    /// heightmap, it equals [`World::height_m`].
     fn broad_height_m(&self, x: f64, y: f64) -> f64 {
         match &self.source {
             Source::Generated(generator) => generator.broad_height_m(x, y),
@@ -359,9 +359,9 @@ impl World {
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
-        // For one axis, returns a quad, counted from the south-western corner of the world, and the position (0..=1) in the part of the quad that has
-        // data. If no edge of the data crosses the quad, this part is the whole quad. The divisor `end - start` is then 1, so the division does not
-        // change the position.
+        // For one axis, returns the index of a quad, counted from the south-western corner of the world, and the position (0..=1) in the part of the
+        // quad that has data. If no edge of the data crosses the quad, this part is the whole quad. The divisor `end - start` is then 1, so the
+        // division does not change the position.
         let locate = |v: f64, half_extent: f64| {
             let [low, high] = [half - half_extent, half + half_extent].map(|edge| edge / spacing);
             let at = ((v + half) / spacing).max(low).min(high);
@@ -427,8 +427,9 @@ impl World {
         self.footprint_m
     }
 
-    /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. Splat maps interpolate the derivatives
-    /// of the height between the points of a lattice (`RuleRelief` in `payload.rs`), so their values may differ slightly.
+    /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. Splat maps of fine nodes interpolate the
+    /// derivatives of the height and the curvature between the points of a lattice (`RuleRelief` in `payload.rs`), so the values there may differ
+    /// slightly.
     pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
         let reach = self.footprint_m / 2.0;
         let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);

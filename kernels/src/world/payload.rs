@@ -277,7 +277,7 @@ struct RuleRelief {
 }
 
 impl RuleRelief {
-    /// `broad`: the elevations at the texels, from which slope and curvature are measured.
+    /// `broad`: `World::broad_height_m` at each texel. It is used only for the curvature, and only if the texels lie on lattice points.
     fn of(world: &World, origin: [f64; 2], step: f64, broad: &[f64]) -> RuleRelief {
         let reach = world.footprint_m() / 2.0;
         let count = SPLAT_GRID_SIDE;
@@ -436,7 +436,7 @@ fn albedo(world: &World, grid: &Grid, looks: &Looks) -> Vec<u8> {
     blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.3, 0.6, 0.1], Effort::Fast)
 }
 
-/// A colour modulation map that changes nothing: all texels are neutral.
+/// The colour modulation map of a world without colour modulation. All texels are about 0.5, the neutral value, and shading does not sample them.
 static NEUTRAL: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let rgba = [128, 128, 128, 255].repeat(TEXTURE_SIDE * TEXTURE_SIDE);
     blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [1.0; 3], Effort::Fast)

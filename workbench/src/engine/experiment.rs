@@ -265,7 +265,7 @@ fn program() -> Result<PathBuf> {
 /// The result of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Path of its report.html.
+    /// Path of the run's file report.html.
     pub page: PathBuf,
     /// The first lines of the file report.md next to `page`, in Markdown; empty if that file cannot be read.
     pub excerpt: String,
@@ -314,6 +314,7 @@ impl Run {
         command.stdin(Stdio::null()).stdout(input).stderr(second);
         let child = command.spawn().with_context(|| format!("{} cannot be started", command.get_program().display()))?;
         // The command still owns writing ends of the pipe. As long as one of them is open, a reader of the pipe does not reach the end of the output.
+        // So drop the command.
         drop(command);
         let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
         let own = shared.clone();
@@ -372,7 +373,7 @@ impl Drop for Run {
 }
 
 impl Shared {
-    /// Reads the output of the process until it has ended.
+    /// Reads the output of the process until the process has ended. Then stores the outcome of the run.
     fn listen(&self, output: PipeReader, wake: &dyn Fn()) {
         for line in BufReader::new(output).split(b'\n') {
             let Ok(line) = line else { break };
@@ -419,7 +420,7 @@ impl Shared {
 
 /// Sends the signal of Ctrl-C. Returns whether that was possible.
 fn interrupt(child: &Child) -> bool {
-    // `kill` is built into every shell, but a separate program `kill` may be missing.
+    // `kill` is built into every shell, but a separate program `kill` may be missing. So run it in a shell.
     let kill = || Command::new("sh").arg("-c").arg(format!("kill -INT {}", child.id())).stdin(Stdio::null()).output();
     cfg!(unix) && kill().is_ok_and(|output| output.status.success())
 }

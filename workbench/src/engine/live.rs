@@ -89,8 +89,8 @@ impl Live {
                 renderer.draw(&again)?.link(links)?
             }
         };
-        // Flips and flicker compare consecutive frames, or two pictures of one frame with different poses (a camera that moves while time is paused).
-        // If a frame is missing, no surface point is followed across the gap.
+        // Flips, flicker and residual flicker compare consecutive frames, or two pictures of one frame with different poses (a camera that moves
+        // while time is paused). If a frame is missing, no surface point is followed across the gap.
         let follows = |last: &RenderRequest| {
             request.shading.frame == last.shading.frame || request.shading.frame == last.shading.frame.wrapping_add(1)
         };

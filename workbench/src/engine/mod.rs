@@ -45,7 +45,7 @@ use sketch::Sketch;
 /// Width and height of a picture that is drawn only to compile a shader, pixels.
 const WARMING_SIDE: u32 = 16;
 /// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice. On a software adapter, painting
-/// the window takes as long as drawing the picture.
+/// the window takes about as long as drawing the picture.
 const SOON: Duration = Duration::from_micros(1);
 /// Repaint delay for the progress of a task. On a software adapter, painting the window for each step of the task, or animating a spinner, would make
 /// the task take almost twice as long.
@@ -552,8 +552,8 @@ fn draw_second(
     measured: bool,
 ) -> kernels::base::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
-        let text = "B is not drawn: its scene needs other flavours than the scene of A (because a distance, slope or band differs), or textures of \
-                    another size; press `Keep A as B` again, or undo the change";
+        let text = "B is not drawn: its scene needs other flavours than the scene of A (because a distance, slope or band differs), or has another \
+                    world, anisotropy or texture size; press `Keep A as B` again, or undo the change";
         return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
     let request = settings.request(a.view.pose, a.view.size, a.shading.frame, if measured { &LAYERS } else { &[] });

@@ -3,7 +3,8 @@
 //!
 //! When its window closes, a thread forgets what it drew and measured, but keeps its device and the loaded scene, with shaders, terrain nodes and
 //! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Some counts of a frame depend on it,
-//! such as the number of nodes that were loaded for the frame. Tests that check these counts therefore start a separate thread.
+//! such as the number of nodes that were loaded for the frame. A test that checks such a count needs a thread of its own ([`Engine::start`]), unless
+//! the count is the same in all cases.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -1,8 +1,8 @@
 //! Reloading of shaders that are edited while the workbench runs: finds changed files in a folder, and rebuilds the stages that use them.
 //!
 //! A change that compiles takes effect. If a change does not compile, the old shaders stay in use, and the error is reported as one line with file,
-//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are a few dozen files,
-//! and reading a modification time takes microseconds.
+//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are fewer than 100
+//! files, and reading a modification time takes microseconds.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};

@@ -119,7 +119,7 @@ impl<'a> Ground<'a> {
     pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
         let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
         let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));
-        // Places far from the centre belong to a different surface, which is in front of the ground at the centre or behind it.
+        // Leave out places far from the centre. They belong to a different surface, which is in front of the ground at the centre or behind it.
         let slope = slope(seen.map(|place| place - centre).filter(|offset| offset.truncate().length() <= 2.0 * radius_m));
         let mut ring: Vec<_> = around(RING).map(|offset| self.seen(centre + offset.extend(slope.dot(offset)))).collect();
         let first = ring.first().copied();
@@ -162,7 +162,7 @@ pub fn length_m(stroke: &Stroke) -> f64 {
 /// Settings of the next stroke, and the stroke that is being painted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Brush {
-    /// Whether a drag in the picture paints.
+    /// Whether a drag or click in the picture paints.
     pub paints: bool,
     /// The data that a stroke changes: materials, or the weights of rules.
     pub kind: StrokeKind,

@@ -52,7 +52,7 @@ impl Mode {
 /// The settings with which B is drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Other {
-    /// The exact blend for the settings of A. It is the mean over all random choices that A can make, so it has no noise.
+    /// The exact blend for the settings of A: the mean of the estimator `fc5` over all its random choices. It has no noise.
     #[default]
     Exact,
     /// The reference blend: the flavour splat with two tilings on every pixel, blended exactly, with 96 fetches.

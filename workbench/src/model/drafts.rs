@@ -18,7 +18,7 @@ pub(crate) struct PlacesDraft {
     pub(crate) recording: Option<Recording>,
     pub(crate) name: String,
     pub(crate) file: String,
-    /// The result of the last click, or its error.
+    /// The result of the last action on a place or a path, or the error of that action.
     pub(crate) said: Option<Result<String, String>>,
 }
 
@@ -38,7 +38,7 @@ impl PlacesDraft {
         let name = std::mem::take(&mut self.name);
         self.said = Some(recording.finish(&name).map(|path| {
             let frames = path.frames();
-            format!("recorded `{}`, {frames} frames", self.all.add(path))
+            format!("recorded `{}`; number of frames: {frames}", self.all.add(path))
         }));
     }
 
@@ -46,7 +46,7 @@ impl PlacesDraft {
     pub(crate) fn read(&mut self) -> Result<String, String> {
         let path = Recorded::read(self.typed_file()?)?;
         let frames = path.frames();
-        Ok(format!("read `{}`, {frames} frames", self.all.add(path)))
+        Ok(format!("read `{}`; number of frames: {frames}", self.all.add(path)))
     }
 
     /// Writes a path to the file in the text field.

@@ -55,8 +55,8 @@ impl Flight {
         if let Orbit::About(target) = self.orbit { Some(target) } else { None }
     }
 
-    /// Turns the view by a drag. The point under the pointer approximately follows the pointer. `drag` and `height` (of the viewport) are in points.
-    /// Returns whether the pose changed.
+    /// Turns the view by a drag. The point under the pointer approximately follows the pointer. `drag` and `height` are in points; `height` is the
+    /// height of the whole picture on the screen, magnification included. Returns whether the pose changed.
     pub fn turn(&self, pose: &mut Pose, drag: Vec2, height: f32) -> bool {
         if drag == Vec2::ZERO || height <= 0.0 {
             return false;
@@ -128,8 +128,8 @@ pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])
 }
 
-/// Moves the camera around `target` by a drag. `drag` and `height` (of the viewport) are in points; a drag over the whole height is half a turn.
-/// Points nearer than the target move in the direction of the drag. Returns whether the pose changed.
+/// Moves the camera around `target` by a drag. `drag` and `height` are as for [`Flight::turn`]; a drag over the whole height is half a turn. Points
+/// nearer than the target move in the direction of the drag. Returns whether the pose changed.
 pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     if drag == Vec2::ZERO || height <= 0.0 {
         return false;

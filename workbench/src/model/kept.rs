@@ -256,7 +256,7 @@ impl Kept {
     }
 
     /// Returns this state, but with the entries of all scenes except the current one taken from the file (`there`). Another window may have changed
-    /// those entries.
+    /// those entries. In the list of recent scenes, those that only the file has come last.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -307,7 +307,7 @@ struct Versioned {
 
 impl Found {
     fn at(path: &Path) -> Found {
-        // Reading from a device or pipe may never end.
+        // Read only regular files, because reading from a device or pipe may never end.
         let bytes = match fs::metadata(path).map(|metadata| metadata.is_file()) {
             Ok(true) => fs::read(path),
             Ok(false) => return Found::Unreadable("it is not a regular file".to_owned()),
@@ -384,7 +384,7 @@ pub fn scene_name(given: &str) -> String {
 #[derive(Debug)]
 pub struct Keeper {
     path: PathBuf,
-    /// The state that is in the file, or is being written to it.
+    /// The state that was read from the file, or that the last attempt to write was to store.
     kept: Kept,
     looked: Instant,
     writing: Option<JoinHandle<Result<(), String>>>,

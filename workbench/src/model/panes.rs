@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub enum Pane {
     /// The picture.
     Viewport,
-    /// Choice of variant, estimator and noise.
+    /// Choice of variant, estimator, noise and other settings of shading.
     Variants,
     /// Materials: their textures, and the size, rotation and tint of the textures.
     Materials,
@@ -23,9 +23,9 @@ pub enum Pane {
     Compare,
     /// Live metrics of the pictures.
     Metrics,
-    /// The numeric settings of the scene and the frame.
+    /// The numeric settings of the scene and the frame, and all settings of the stages.
     Parameters,
-    /// Times of the frame.
+    /// Size, shading and times of the frame, and times to draw the window.
     Frame,
     /// How one pixel was shaded.
     Inspector,
@@ -183,7 +183,8 @@ impl Layout {
     }
 
     /// The tree for this arrangement, with the given identifier. Panes with an unknown name, or with a name that occurs a second time, are left out.
-    /// Panes that the arrangement lacks are added to the last group of tabs, because there is no other way to open them. `None` = no pane is left.
+    /// Panes that the arrangement lacks are added to the last group of tabs, because there is no other way to open them. If there is no group of
+    /// tabs, they form a new one at the right. `None` = no pane is left.
     pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
         let mut making = Making { tiles: Tiles::default(), left: Pane::ALL.to_vec(), tabs: None };
         let mut root = making.insert(self)?;

@@ -144,11 +144,12 @@ pub struct News {
     pub progress: Option<Progress>,
     /// Number of compiled shaders, and number of all shaders that a click may need; zeros if shaders are not compiled in advance.
     pub warm: [usize; 2],
-    /// Why the last request was not fulfilled; one line.
+    /// Why the last request was not fulfilled, or why the thread cannot draw at all; one line.
     pub failure: Option<String>,
     /// [`Wish::opened`] of the last scene that was loaded completely, including all files that it names; `None` = no scene has been loaded yet.
     pub loaded: Option<u32>,
-    /// [`Wish::opened`] of the last scene, if it could not be loaded; `failure` says why. `None` = it was loaded, or is being loaded.
+    /// [`Wish::opened`] of the last scene, if it could not be loaded, or if every device that drew it was lost; `failure` says why. `None` = the
+    /// scene was loaded, or is being loaded.
     pub unloaded: Option<u32>,
     /// Why the shaders in the watched folder are not in use, in one line. If a shader does not compile, the text gives file, line number and message,
     /// and the last shaders that compiled stay in use. If the device failed with the shaders of the folder, the shaders of the program are used.

@@ -1,4 +1,4 @@
-//! Places (stored camera poses) and recorded paths: their names, and how they are stored in files.
+//! Places (stored camera poses) and recorded paths: their names, how paths are recorded, and how places and paths are stored in files.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
@@ -243,7 +243,7 @@ impl Recorded {
     pub fn read(file: &Path) -> Result<Recorded, String> {
         let place = file.display().to_string();
         let unreadable = |error: std::io::Error| format!("cannot read {place}: {error}");
-        // Reading from a device or pipe may never end.
+        // Read only regular files, because reading from a device or pipe may never end.
         let metadata = fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() || metadata.len() > MOST_BYTES {
             return Err(format!(

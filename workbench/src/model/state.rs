@@ -40,8 +40,8 @@ pub struct Clock {
     pub frame: u32,
     /// Whether time is paused.
     pub paused: bool,
-    /// Number of frames for which time may still run by itself; `None` = any number. It is 0 while a step of a script waits, so that the frame on
-    /// screen depends on the steps alone, and not on how long they wait.
+    /// Number of frames for which time may still run by itself; `None` = any number. In a script, it is 0 except during the step `frames`, so that
+    /// the frame on screen depends on the steps alone, and not on how long they wait.
     pub left: Option<u32>,
 }
 
@@ -133,7 +133,7 @@ pub struct Model {
     given: Option<String>,
     /// Number that identifies this loading of the scene, see [`Wish::opened`].
     opened: u32,
-    /// The previous scene, until the drawing thread has loaded the current one.
+    /// The state of the previous scene, until the drawing thread has loaded the current scene.
     before: Option<Box<opening::Before>>,
     /// Writes the saved state; `None` = nothing is saved.
     keeping: Option<Keeper>,
@@ -193,7 +193,8 @@ impl Model {
         self.given = Some(name);
     }
 
-    /// Applies the saved state of the scene with this name ([`kept::scene_name`]) and saves its state from now on. `notes` are shown until dismissed.
+    /// Applies the saved state: the settings, the arrangement of the panes, the recent scenes, and the state of the scene with this name
+    /// ([`kept::scene_name`]). From now on, the state is saved. `notes` are shown until dismissed.
     pub fn keep_with(&mut self, keeper: Keeper, scene_name: String, mut notes: Vec<String>) {
         let kept = keeper.kept();
         notes.extend(kept.apply_look(&mut self.settings));
@@ -363,8 +364,8 @@ impl Model {
     /// The current pose of the camera, at which the next movement starts; `None` = it is not known yet.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
-            // Only the drawing thread can compute the height of the ground below a walking camera. East and north are taken from the current pose,
-            // which may be ahead of the pose in the picture.
+            // Only the drawing thread can compute the height of the ground below a walking camera, so the elevation is that of the last picture. East
+            // and north are those of the viewpoint, which may be ahead of the last picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })

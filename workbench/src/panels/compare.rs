@@ -16,7 +16,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         choose(ui, "Show", &mut model.compare.mode, shown, all);
         ui.end_row();
         let mut others = vec![
-            (Other::Exact, Other::Exact.name().to_owned(), "The mean over all random choices that A can make. It has no noise."),
+            (
+                Other::Exact,
+                Other::Exact.name().to_owned(),
+                "The exact blend: the mean of fc5 over all its random choices. It has no noise.",
+            ),
             (
                 Other::Full,
                 Other::Full.name().to_owned(),

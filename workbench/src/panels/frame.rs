@@ -1,4 +1,4 @@
-//! The panel *Frame*: times of the frame.
+//! The panel *Frame*: size, shading and times of the frame, and times to draw the window.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -29,7 +29,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Shaded by",
-            "How tiles get their variant: automatic choice, one forced variant, or the generic kernel",
+            "How tiles get their variant: automatic choice or one forced variant. `generic`: the generic kernel shades all tiles.",
             shown.wish.settings.choice_name(),
         );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
@@ -43,7 +43,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Selection and culling",
-            "Time in which the CPU selects, loads and culls terrain nodes",
+            "Time in which the CPU selects and loads terrain nodes and culls patches",
             format!("{:.1} ms", report.selection_ms),
         );
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();

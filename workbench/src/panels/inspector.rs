@@ -262,7 +262,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Page LOD",
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
-        "log2 of the length that decides the level. The integer part is the level, the fraction is the mip level within the page.",
+        "log2 of the length that decides the level, at least 0. The integer part is the level, the fraction is the mip level within the page.",
     );
     let served = match page.served {
         Some(served) if served == page.id => "the same".to_owned(),

@@ -94,7 +94,7 @@ pub(crate) struct Number<'a> {
 pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: Option<f64>) {
     let Number { name, unit, range, logarithmic, about } = *number;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let back = usual.map_or_else(String::new, |usual| format!(", default {usual}{unit}"));
+    let back = usual.map_or_else(String::new, |usual| format!("; `Reset` restores {usual}{unit}"));
     let hint = format!("{about}\nFrom {} to {}{unit}{back}.", range[0], range[1]);
     let label = ui.label(name).on_hover_text(&hint);
     let slider = Slider::new(value, range[0]..=range[1]).logarithmic(logarithmic).clamping(SliderClamping::Edits);

@@ -1,4 +1,4 @@
-//! The panel *Parameters*: the numbers of the scene and the frame, with unit, range and a reset button.
+//! The panel *Parameters*: the numbers of the scene and the frame and the settings of the stages, with unit, range and a reset button.
 
 use eframe::egui::{self, Slider, Ui};
 use kernels::scene::Scene;
@@ -59,7 +59,8 @@ fn row(model: &mut Model, ui: &mut Ui, setting: &Setting<Scene>, ends: Ends) {
     else {
         return;
     };
-    let hint = format!("{}\n`{}` in a scene or an experiment: {}. This scene has {usual}.", setting.about, setting.key, setting.kind);
+    let hint =
+        format!("{}\n`{}` in a scene or an experiment: {}. The original value is {usual}.", setting.about, setting.key, setting.kind);
     let label = ui.label(setting.label()).on_hover_text(&hint);
     let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
     let [least, most] = ends.ends;

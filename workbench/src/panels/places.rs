@@ -49,7 +49,7 @@ fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
         let [x, y, z] = place.pose.position.to_array();
         let hint = format!("{x:.1} m east, {y:.1} m north, elevation {z:.1} m");
         if ui.button(format!("Go to {}", place.name)).on_hover_text(hint).clicked() {
-            // Walking would move the camera down to the ground.
+            // Stop walking, because it would move the camera down to the ground.
             model.flight.walking = false;
             model.fly(place.pose);
         }
@@ -80,7 +80,7 @@ fn record(model: &mut Model, ui: &mut Ui) {
 
 fn recorded(model: &mut Model, ui: &mut Ui, path: &Recorded) {
     ui.horizontal_wrapped(|ui| {
-        let hint = format!("Plays the {} frames of the path again and again, starting at frame 0", path.frames());
+        let hint = format!("Plays the path again and again, starting at frame 0. Number of frames: {}.", path.frames());
         if ui.button(format!("Replay {}", path.name)).on_hover_text(hint).clicked() {
             model.viewpoint = Viewpoint::Recorded(Arc::new(path.clone()));
             model.clock = Clock { frame: 0, ..model.clock };

@@ -18,7 +18,7 @@ struct Band {
     whole: [f64; 2],
     /// Largest fade that a scene file accepts, in the unit of the quantity.
     most_fade: f64,
-    /// Change of an end of the range per point of a drag.
+    /// Change of an end of the range, or of the fade, per point of a drag.
     speed: f64,
     about: &'static str,
 }
@@ -169,14 +169,18 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
         return;
     };
     ui.horizontal(|ui| {
-        let hint = format!("Lower end of the range in which the rule has its full weight, from {lowest}{unit} to the upper end. {about}.");
+        let hint = format!(
+            "Lower end of the range in which the rule has its full weight, from {lowest}{unit} to the upper end. Quantity: {about}."
+        );
         let label = ui.label(format!("Rule {number} {name} from"));
         value(ui, from, [lowest, *to], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });
     ui.end_row();
     ui.label("");
     ui.horizontal(|ui| {
-        let hint = format!("Upper end of the range in which the rule has its full weight, from the lower end to {highest}{unit}. {about}.");
+        let hint = format!(
+            "Upper end of the range in which the rule has its full weight, from the lower end to {highest}{unit}. Quantity: {about}."
+        );
         let label = ui.label(format!("Rule {number} {name} to"));
         value(ui, to, [*from, highest], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });

@@ -71,8 +71,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         for (key, flavour) in (1..).zip(Flavour::ALL) {
             let on = model.settings.frame.variant.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
-            let hint =
-                format!("{}: {} fetches per pixel (key {key})", about(flavour), model.settings.frame.estimator.promised_fetches(flavour));
+            let hint = format!(
+                "{}. Current estimator: {} fetches per pixel (key {key}).",
+                about(flavour),
+                model.settings.frame.estimator.promised_fetches(flavour)
+            );
             if ui.selectable_label(on, text).on_hover_text(hint).clicked() {
                 model.settings.toggle(flavour);
             }
@@ -185,11 +188,11 @@ fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2]
 
 const fn about(flavour: Flavour) -> &'static str {
     match flavour {
-        Flavour::VirtualTexture => "blended once as seen from above, and cached in pages",
-        Flavour::FarAtlas => "albedo and normal baked into the quadtree",
-        Flavour::NearCliff => "three projections; with the estimator fc5, one random material each",
-        Flavour::FarCliff => "two tilings; with the estimator fc5, one random projection and material each",
-        Flavour::Splat => "three projections of four materials; with the estimator fc5, all blended",
+        Flavour::VirtualTexture => "Blended once as seen from above, and cached in pages",
+        Flavour::FarAtlas => "Albedo and normal baked into the quadtree",
+        Flavour::NearCliff => "Three projections; with the estimator fc5, one random material each",
+        Flavour::FarCliff => "Two tilings; with the estimator fc5, one random projection and material each",
+        Flavour::Splat => "Three projections of four materials; with the estimator fc5, all blended",
     }
 }
 

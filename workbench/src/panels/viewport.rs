@@ -31,8 +31,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let pixels = ui.ctx().pixels_per_point();
     model.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
-    // Paint no background, because the window is black anyway, and painting takes time on a software adapter. The status line says why there is no
-    // picture.
+    // Paint no background, because the window is black anyway, and painting takes time on a software adapter. If drawing failed, paint no text
+    // either, because the status line says why there is no picture.
     if model.textures[0].is_none() && model.failure().is_none() {
         let text = model.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(16.0), Color32::GRAY);
@@ -317,7 +317,7 @@ fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
     Some(target)
 }
 
-/// The controls for the viewpoint, the layer, and the movement of the camera.
+/// The controls for the viewpoint, the layer, the movement of the camera, and frozen culling.
 pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let name = match &model.viewpoint {
         Viewpoint::Camera(name) => format!("camera {name}"),

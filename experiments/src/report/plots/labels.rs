@@ -145,7 +145,7 @@ mod tests {
             assert!(a.area.inside(&frame), "{a:?}");
             assert!(placed[..i].iter().all(|b| !a.area.meets(&b.area)), "{placed:?}");
         }
-        // If there is not enough room, only a text that is not optional is kept.
+        // If there is not enough room, optional texts are omitted; other texts are kept.
         let small = Box2 { left: 290.0, right: 420.0, top: 190.0, bottom: 214.0 };
         let kept = |optional: bool| {
             place(&[wanted("auto", at[0]), Wanted { optional, ..wanted("near-cliff+splat", at[1]) }], &at, &[], small).len()

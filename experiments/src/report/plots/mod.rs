@@ -35,11 +35,11 @@ const INK: RGBColor = RGBColor(31, 41, 51);
 const GREY: RGBColor = RGBColor(150, 160, 172);
 const GRID: RGBColor = RGBColor(230, 234, 239);
 
-/// A colour that the HTML page can use as well.
+/// A colour as plain red, green and blue, for plots and for the HTML page.
 pub(super) type Rgb = (u8, u8, u8);
 
-/// Colours for values without an order. They are distinguishable for colour-blind readers (Tol 2021, *Colour Schemes*, "muted"; the palest colours
-/// are omitted or come last).
+/// Colours for values without an order. Six of them belong to a scheme whose colours are distinguishable for colour-blind readers (Tol 2021, *Colour
+/// Schemes*, "muted"). The orange and the light blue are additions.
 pub(super) const COLOURS: [Rgb; 8] =
     [(51, 34, 136), (204, 102, 119), (17, 119, 51), (230, 140, 30), (68, 170, 153), (170, 68, 153), (110, 170, 220), (153, 153, 51)];
 

@@ -128,7 +128,7 @@ fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a
 /// Marks the samples of a window where alpha is 0; empty if it is 1 everywhere.
 ///
 /// # Errors
-/// Alpha is neither 0 nor 1 somewhere. OpenEXR multiplies by alpha, so a height would be too low there.
+/// Alpha is neither 0 nor 1 somewhere. The other channels of an OpenEXR file are multiplied by alpha, so a height would be wrong there.
 fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<Vec<Option<Absent>>, Fault> {
     let is = |alpha: f32, value: f32| (alpha - value).abs() <= ALPHA_ROUNDING;
     if let Some((index, other)) = alpha.iter().enumerate().find(|&(_, &alpha)| !is(alpha, 0.0) && !is(alpha, 1.0)) {
@@ -201,7 +201,7 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let colours = with_base(&COLOURS);
     let one_of = |candidates: &[Candidate<'a>]| if let [one] = candidates { Some(*one) } else { None };
     let plain = if colours.is_empty() { one_of(&with_base(&PLAIN)) } else { None };
-    // If several channels remain, the one whose base name is in `HEIGHTS` is chosen.
+    // If several channels remain, the only one whose base name is in `HEIGHTS` is chosen.
     let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope));
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {

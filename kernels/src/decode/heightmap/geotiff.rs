@@ -32,7 +32,8 @@ const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
 /// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
 /// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. If a file states its transform twice (as
-/// ModelPixelScale and as ModelTransformation), the terms may differ by as much.
+/// ModelPixelScale and as ModelTransformation), the terms may differ by as much, and the two origins by the square root of this number. It is also
+/// the largest difference, metres, between the stated unit of a metric system and the metre.
 const SAME_TERM: f64 = 1e-6;
 /// Largest scale error of a projection at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;
@@ -78,7 +79,8 @@ impl Georeference {
     /// Reads the tags of an image of this size.
     ///
     /// # Errors
-    /// The tags contradict each other, or a world cannot have such samples: degrees, unequal spacing, rotation, depths, distorted distances.
+    /// The tags are damaged or contradict each other, a version or a unit is not known, or a world cannot have such samples: degrees, unequal
+    /// spacing, rotation, depths, distorted distances.
     pub(super) fn read(tags: &Tags, size: [u32; 2]) -> Result<Georeference, Fault> {
         let keys = Keys::read(tags)?;
         let transform = Transform::read(tags)?;
@@ -323,7 +325,7 @@ impl Transform {
         let &[width, height, ..] = scale else { return Err(Fault::Damaged("ModelPixelScale has fewer than two numbers".to_owned())) };
         if !(width.is_normal() && height.is_normal() && width > 0.0 && height > 0.0) {
             return Err(Fault::Unsupported(format!(
-                "ModelPixelScale is {width} x {height}, but both numbers must be above 0, and programs disagree about what others mean; \
+                "ModelPixelScale is {width} x {height}, but both numbers must be above 0, because programs disagree about what other numbers mean; \
                  write the file anew with gdalwarp -r near IN OUT.tif, and check which edge is north"
             )));
         }
@@ -364,7 +366,7 @@ impl Transform {
     /// Distances between samples from west to east and from north to south, in the unit of the coordinates.
     ///
     /// # Errors
-    /// The raster is rotated or sheared, or a distance is 0.
+    /// The raster is rotated or sheared, or a distance is 0 or not finite.
     fn spacing(&self) -> Result<[f64; 2], Fault> {
         let pixel = self.across.abs().max(self.down.abs());
         if self.shear_x.abs().max(self.shear_y.abs()) > SAME_TERM * pixel {

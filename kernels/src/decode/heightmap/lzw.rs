@@ -13,7 +13,7 @@ use crate::decode::fault::Fault;
 
 /// A code of 12 bits represents at most 3839 bytes, so a stream grows by at most a factor of 3839 x 8 / 12 = 2559.3.
 const LARGEST_GROWTH: usize = 2560;
-/// Largest size of a strip or tile, bytes. The crate `tiff` has the same limit.
+/// Largest size of a decoded strip or tile, bytes. The crate `tiff` has the same limit.
 const MAX_BYTES: usize = 1 << 28;
 
 /// How the samples of a strip or tile are stored.

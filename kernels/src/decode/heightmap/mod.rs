@@ -47,7 +47,7 @@ const MAX_ELEVATION_M: f32 = 100_000.0;
 /// If the elevations of float samples differ by at most this many metres, a note says that the samples may be normalised to 0..1.
 const NORMALISED_RELIEF_M: f64 = 1.0;
 
-/// If two consecutive half floats differ by more than this many metres, a note says that precision is lost.
+/// If consecutive half floats at the largest absolute sample differ by more than this many metres, a note says that precision is lost.
 const COARSE_STEP_M: f64 = 0.25;
 
 /// XML elements that say what the samples of a heightmap mean. GDAL writes them to a file of metadata beside the heightmap (`.aux.xml`,
@@ -158,9 +158,9 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 ///
 /// [`Error::Heightmap`] if a file beside the heightmap is a mask (GDAL's `.msk`), says what the samples mean, or is too large to check
 /// (`.aux.xml`); if the heightmap is damaged, too large, or of a kind that is not supported; if its statements about its samples contradict
-/// each other or the options, or cannot be applied; if an option does not apply to it; if the spacing or the meaning of its samples is
-/// unknown; if samples have no data, and the options do not say how to treat them; if samples are beyond 100 000 m; or if all samples are
-/// equal.
+/// each other or the options, or cannot be applied; if an option is out of range or does not apply to it; if the spacing or the meaning of its
+/// samples is unknown; if samples have no data or a value that usually marks missing data, and the options do not say how to treat them; if no
+/// sample has data; if samples are beyond 100 000 m; or if all samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;
@@ -328,8 +328,8 @@ fn notes_of_samples(raster: &Raster, found: &Found, scaled: &Scaled, options: &R
     [of_voids, note_of_8_bits(raster, metres_per_unit), of_half, of_low_relief].into_iter().flatten().collect()
 }
 
-/// Returns a note if all samples of a 16-bit format are multiples of 257 or of 256. Such samples are 8-bit numbers that were converted to
-/// 16 bits. `scale`: metres per unit.
+/// Returns a note if all samples of a PNG or RAW file of 16-bit integers are multiples of 257 or of 256, and have more than two values. Such samples
+/// are 8-bit numbers that were converted to 16 bits. `scale`: metres per unit of the samples.
 fn note_of_8_bits(raster: &Raster, scale: f64) -> Option<String> {
     if !(raster.holds_codes && raster.depth == Depth::Unsigned16) {
         return None;
@@ -353,7 +353,8 @@ fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// Returns a note about the precision of half floats in this range, if the precision is low. `scale`: metres per unit.
+/// Returns a note if half floats at the sample farthest from 0 are more than [`COARSE_STEP_M`] apart. `low` and `high`: the lowest and the highest
+/// sample. `scale`: metres per unit of the samples.
 ///
 /// Between 2^e and 2^(e + 1), half floats are 2^(e - 10) apart (IEEE 754 binary16). Below 2^-14, they are 2^-24 apart.
 fn note_of_half([low, high]: [f64; 2], scale: f64) -> Option<String> {
@@ -361,5 +362,5 @@ fn note_of_half([low, high]: [f64; 2], scale: f64) -> Option<String> {
     let exponent = largest.log2().ceil() - 1.0;
     let step = (exponent.max(-14.0) - 10.0).exp2() * scale;
     (step > COARSE_STEP_M)
-        .then(|| format!("half floats: the highest elevations are in steps of {step} m; export 32-bit floats for more precision"))
+        .then(|| format!("half floats: the samples farthest from 0 are in steps of {step} m; export 32-bit floats for more precision"))
 }

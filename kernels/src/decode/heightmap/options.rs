@@ -4,21 +4,23 @@ use std::path::Path;
 
 use crate::decode::fault::Fault;
 
-/// Largest number of samples that are read along each edge. For a larger file, the caller must give a window.
+/// Largest number of samples that are read along each edge. From a larger TIFF or RAW file, the caller must choose a window; a larger PNG or OpenEXR
+/// file is refused, because it can only be read as a whole.
 pub const MAX_SIDE: u32 = 16_385;
 
 /// Largest distance between samples, metres. Scene files have the same limit.
 pub(super) const MAX_SPACING_M: f64 = 1.0e5;
 
-/// How to read a heightmap. Messages call the options by their names in `experiments import`.
+/// How to read a heightmap. Most messages call the options by their names in `experiments import`, such as `--raw-size`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states it. A value that contradicts the
     /// file is an error.
     pub metres_per_texel: Option<f64>,
     /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
-    /// the float samples 0 and 1 if all samples lie in 0..=1. Required for 16-bit integers if the file does not state what they mean; 32-bit
-    /// integers are refused in this case. If a float sample is outside 0..=1, all samples are metres, and a range is an error.
+    /// the float samples 0 and 1. If the file states what its samples mean, a range that contradicts the file is an error. Otherwise, 16-bit
+    /// integers need a range, and 32-bit integers are refused. Floats may have a range if all of them lie in 0..=1; without a range, they are metres.
+    /// If a float lies outside 0..=1, a range is an error.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,
@@ -40,7 +42,7 @@ pub struct ReadOptions {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
     /// The value that the file names. Other values that usually mark missing data, such as -9999, are refused; the user must
-    /// name or allow them.
+    /// name or allow them. PNG and RAW files of integers are not searched for such values.
     #[default]
     Stated,
     /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
@@ -84,7 +86,7 @@ impl Format {
             "r32" => Ok(Format::RawFloat),
             "exr" => Ok(Format::OpenExr),
             "tif" | "tiff" => Ok(Format::Tiff),
-            _ => Err(Fault::Unsupported("the extension is unknown; use .png, .raw, .r16, .r32, .exr, .tif or .tiff".to_owned())),
+            _ => Err(Fault::Unsupported("the extension is unknown; use .png, .raw, .r16, .bin, .r32, .exr, .tif or .tiff".to_owned())),
         }
     }
 

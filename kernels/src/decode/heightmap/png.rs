@@ -165,7 +165,7 @@ fn packed(decoder: PngDecoder<impl BufRead + Seek>) -> Result<Option<(&'static s
     Ok(fitting.next().map(|(name, formula, ..)| (name, formula)))
 }
 
-/// Mean difference of a value between neighbours in a row, divided by the range of the value; 0 if all are equal.
+/// Mean absolute difference of a value between neighbours in a row, divided by the range of the value; 0 if all values are equal.
 fn roughness(pixels: &[[u8; 3]], width: usize, value: impl Fn([u8; 3]) -> f64) -> f64 {
     let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
     for row in pixels.chunks(width) {

@@ -21,7 +21,8 @@ pub(super) struct Raster {
     pub(super) holds_codes: bool,
     /// The samples, row by row, row 0 = north.
     pub(super) stored: Stored,
-    /// For each sample, the reason why it has no data; `None` if it has data or only its value marks missing data. Empty if all are `None`.
+    /// For each sample, the reason why it has no data; `None` if it has data or only its value marks missing data. An empty list
+    /// means that all entries are `None`.
     pub(super) absent: Vec<Option<Absent>>,
     /// The value that the file gives to samples without data.
     pub(super) no_data: Option<f64>,
@@ -102,8 +103,8 @@ impl Stored {
         is_equal || (value.is_finite() && value.abs() >= 1e30 && (sample - value).abs() <= 1e-5 * value.abs())
     }
 
-    /// Copies `count` decoded samples, from index `from`, to index `to`. Returns false if the types do not fit, or there are fewer
-    /// than `count` samples.
+    /// Copies `count` decoded samples, from index `from`, to index `to`. Returns false, and copies nothing, if the types do not fit, or if one of the
+    /// two lists has fewer than `count` samples from its index on.
     pub(super) fn put(&mut self, to: usize, decoded: &DecodingResult, from: usize, count: usize) -> bool {
         use DecodingResult as D;
         match (self, decoded) {

@@ -127,7 +127,7 @@ fn floats(bytes: &[u8], big_endian: bool) -> (Vec<f32>, bool) {
     (samples, is_swapped)
 }
 
-/// Mean difference between neighbours in a row, divided by the range; 0 if all samples are equal.
+/// Mean absolute difference between neighbours in a row, divided by the range of the samples; 0 if all samples are equal.
 fn roughness(samples: &[f32], width: usize) -> f64 {
     let (low, high) = samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &sample| (low.min(sample), high.max(sample)));
     let steps = samples.chunks(width).flat_map(|row| row.windows(2).map(|pair| f64::from((pair[1] - pair[0]).abs())));

@@ -4,8 +4,8 @@ use super::options::MAX_SPACING_M;
 use super::units::Unit;
 use crate::decode::fault::Fault;
 
-/// Largest relative difference between the spacing in the file and the spacing from the user that counts as rounding. People round to three digits
-/// or more.
+/// Largest relative difference between the spacing in the file and the spacing from the user that counts as rounding. Rounding to four significant
+/// digits changes a number by at most half of this.
 const SAME: f64 = 1e-3;
 
 /// The statement of a file about the distance between its samples.

@@ -114,9 +114,10 @@ pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Fo
         refuse_marks(raster, &found)?;
     }
     if let NoData::Named(values) = no_data {
-        // The last causes in the list belong to the values that the user named, in their order.
-        let unused = values.iter().zip(&causes[causes.len() - values.len()..]).filter(|(_, cause)| cause.count == 0);
-        found.notes = unused.map(|(value, _)| format!("no sample has the value {} of --no-data", stored.shown(*value))).collect();
+        // A sample is counted only for the first entry of `named` that has its value.
+        let occurs = |value: f64| named.iter().zip(&causes[fixed.len()..]).any(|(&(other, _), cause)| other == value && cause.count > 0);
+        let unused = values.iter().filter(|&&value| !occurs(value));
+        found.notes = unused.map(|value| format!("no sample has the value {} of --no-data", stored.shown(*value))).collect();
     }
     causes.retain(|cause| cause.count > 0);
     let reasons: Vec<String> = causes.iter().map(|cause| format!("{} {}", cause.count, cause.what)).collect();
@@ -150,7 +151,8 @@ fn markers(depth: Depth) -> impl Iterator<Item = f64> {
     usual.chain(unsigned).chain(ends)
 }
 
-/// Refuses values that usually mark missing data, if a gap of [`MARKER_GAP`] separates them from all other samples.
+/// Refuses values that usually mark missing data, if they are below or above all other samples by more than [`MARKER_GAP`] times the range of the
+/// other samples.
 fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     let stored = &raster.stored;
     let mut marks: Vec<(f64, Cause)> =
@@ -178,8 +180,8 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
     let counts: Vec<String> = counts.collect();
     let options: Vec<String> = marks.iter().map(|(_, cause)| format!("--no-data {}", cause.what)).collect();
     Err(Fault::Unsupported(format!(
-        "{}, the first at {}, which usually marks missing data, but the file does not say so; give {} if it does (with --fill-voids or --holes), \
-         or --no-data none if it is ground",
+        "{} (the first at {}); such values usually mark missing data, but the file does not say so; if they do, give {} (with --fill-voids or \
+         --holes); if they are ground, give --no-data none",
         counts.join(", "),
         raster.place(first),
         options.join(" ")

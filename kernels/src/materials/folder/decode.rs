@@ -176,7 +176,7 @@ fn exr(parts: Vec<Part>, want: Want) -> Result<Stored, Fault> {
             Want::Number => "a single channel or R, G, B",
         };
         let parts = parts.len();
-        return refuse(format!("it must have one part with {needed}, but has {parts} parts with the channels {names}: export it again"));
+        return refuse(format!("it must have one part with {needed} (parts: {parts}; channels: {names}): export it again"));
     };
     let (data, display) = (part.data_window, part.display_window);
     if data != display {

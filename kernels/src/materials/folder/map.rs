@@ -154,8 +154,8 @@ fn share(stored: Stored, inverted: bool) -> std::result::Result<Map, String> {
     }))
 }
 
-/// Decodes normals: n = 2 value - 1, or n = value if [`is_signed`]. Computes z if the file lacks it, and scales n to unit length. n = 0 becomes the
-/// normal of a flat surface.
+/// Decodes normals: n = 2 value - 1, or n = value if [`is_signed`]. Inverts y if the convention is DirectX, computes z if the file lacks it, and
+/// scales n to unit length. n = 0 becomes the normal of a flat surface.
 fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, String> {
     refuse_grey(&stored)?;
     let has_z = stored.channels == 3;
@@ -237,8 +237,8 @@ fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Refuses a map if more than half of its vectors point into the surface. Adds a remark if the lengths of more than half differ from 1 by more than
-/// [`LENGTH`].
+/// Refuses a map if more than half of its vectors point into the surface. The others are mirrored out of it, with a remark. Adds a remark if the
+/// lengths of more than half differ from 1 by more than [`LENGTH`].
 fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
     let below = share_of(&map.texels, |t| t[2] < -0.02);
     if below > 0.5 {
@@ -247,6 +247,10 @@ fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
             100.0 * below
         ));
     }
+    if below > 1.0 - NEARLY_ALL {
+        map.remarks.push(format!("{:.1} % of its vectors point into the surface; they are mirrored out of it", 100.0 * below));
+    }
+    map.texels.par_iter_mut().for_each(|t| t[2] = t[2].abs());
     let uneven = share_of(&map.texels, |t| (length(*t) - 1.0).abs() > LENGTH);
     if uneven > 0.5 {
         map.remarks.push(format!(

@@ -41,12 +41,12 @@ pub struct Loaded {
 /// Files are .png, .jpg, .tga or .exr. An albedo is sRGB, or linear in .exr. Normals are n = 2 value - 1 or, if an .exr file contains
 /// signed values, n = value. Green is up in the image (OpenGL) unless the name says otherwise. Normals are renormalised, and z is computed
 /// if it is missing. Images are squares of any size up to 8192, and the maps of a material may differ in size. If an image is larger than
-/// `size`, it is averaged over the area of each texel. If it is smaller, it is interpolated bilinearly. Both use linear values and wrap
-/// around at the edges. The top row of an image becomes the last row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole
+/// `size`, it is averaged over the area of each texel. If it is smaller, it is interpolated bilinearly, wrapping around at the edges. Both
+/// use linear values. The top row of an image becomes the last row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole
 /// material.
 ///
 /// # Errors
-/// The errors of [`recognise`], in whose messages `name` is the name of the material, and of [`load_maps`].
+/// An error of [`recognise`], as [`Error::Material`] with this `name`, or an error of [`load_maps`].
 pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     let recognised = recognise(dir).map_err(|what| wrong(name, what))?;
     Ok(load_maps(&recognised, size)?.maps)

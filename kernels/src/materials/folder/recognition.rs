@@ -199,7 +199,8 @@ impl Candidate {
 /// The files of a folder that belong to one material, before one file per map is chosen.
 #[derive(Clone, Debug)]
 pub struct Set {
-    /// Name of the material in the names of the files; empty if these names state no material.
+    /// Name of the material, as the name of an albedo file states it or, without an albedo, the name of another file; empty if that name states no
+    /// material.
     pub name: String,
     candidates: Vec<Candidate>,
     notes: Vec<PathBuf>,

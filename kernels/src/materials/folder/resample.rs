@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 /// Resamples an image of `edge` x `edge` texels to `size` x `size`: first along rows, then along columns. If the image is larger
-/// than `size`, it is averaged over the area of each new texel. If it is smaller, it is interpolated bilinearly. Both methods wrap
-/// around at the edges.
+/// than `size`, it is averaged over the area of each new texel. If it is smaller, it is interpolated bilinearly, wrapping around at the
+/// edges.
 pub(super) fn resample(texels: Vec<[f32; 3]>, edge: usize, size: usize) -> Vec<[f32; 3]> {
     if edge == size {
         return texels;

@@ -15,8 +15,8 @@ use crate::model::kept;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{Viewpoint, usual_viewpoint};
 
-/// The next value of [`Wish::opened`](crate::model::picture::Wish::opened). All windows of the program share it. The first scene of every window has
-/// the value 0.
+/// The next value of [`Wish::opened`](crate::model::picture::Wish::opened). All windows of the program share this counter. The first scene of every
+/// window has the number 0.
 static NEXT: AtomicU32 = AtomicU32::new(1);
 
 /// The state of the previous scene, until it is known whether the current one can be loaded.
