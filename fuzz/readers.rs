@@ -2,9 +2,9 @@
 //! fuzzer.
 //!
 //! For any bytes, a reader must return a value or an error. It must not panic, it must not allocate more memory than the number of bytes justifies,
-//! and its error must be one line. A value must be within the documented ranges. If it can be written, reading what was written must give an equal
-//! value. Each function panics if a value or an error violates this; libFuzzer limits the memory. Otherwise, the function returns whether a reader
-//! accepted the bytes.
+//! and its error must be one line. A value must be within the documented ranges. If a function below also writes the value, reading what was written
+//! must give an equal value. Each function panics if a value or an error violates this; libFuzzer limits the memory. Otherwise, the function returns
+//! whether a reader accepted the bytes.
 
 use std::fmt::Display;
 use std::io::Cursor;
@@ -60,7 +60,8 @@ pub fn definition(bytes: &[u8]) -> bool {
     is_whole
 }
 
-/// Reads a heightmap with several sets of options. The first bytes determine the extension of its name, and thereby the format.
+/// Reads the bytes as a heightmap with several sets of options. The first bytes determine the extension of the file name that the reader gets, and
+/// thereby the format.
 pub fn heightmap(bytes: &[u8]) -> bool {
     let names: &[&str] = match bytes {
         [0x89, b'P', b'N', b'G', ..] => &["fuzz.png"],
@@ -130,7 +131,7 @@ pub fn material(bytes: &[u8]) -> bool {
     is_accepted
 }
 
-/// Reads a picture for `compare`.
+/// Reads the bytes as a picture, as the command `compare` reads a file.
 pub fn texture(bytes: &[u8]) -> bool {
     let pictures = [None, Some("albedo")].map(|layer| told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), layer)));
     for picture in pictures.iter().flatten() {
@@ -163,7 +164,8 @@ pub fn openexr(bytes: &[u8]) -> bool {
     true
 }
 
-/// Reads files that the programs write themselves: the table and manifest of a run, the state of the workbench, and a recorded camera path.
+/// Reads the bytes as files that the programs write themselves: a table or a manifest of a run, the state of the workbench, and a recorded camera
+/// path.
 pub fn cache(bytes: &[u8]) -> bool {
     let table = told(table::decode_parquet(Bytes::copy_from_slice(bytes), Path::new(NAME)));
     let path = told(Recorded::from_csv(NAME, bytes, NAME));

@@ -219,8 +219,9 @@ const CASES: &[Case] = &[
                         }
                     }
                 }
-                // Horizontal ground at critical elevations, and one step of f32 below and above each of them. A third of a metre is a border between
-                // cells. At the square root of 2 times a power of two, the finest scale changes. At a power of two (1024), it must not change.
+                // Horizontal ground at critical elevations, and at the f32 values next below and next above each of them. A third of a metre is a
+                // border between cells. At the square root of 2 times a power of two, the finest scale changes. At a power of two (1024), it must not
+                // change.
                 let root = std::f32::consts::SQRT_2.next_up();
                 for border in [BORDER as f32, root, 512.0 * root, -512.0 * root, 1024.0] {
                     for z in [border.next_down(), border, border.next_up()] {
@@ -243,9 +244,9 @@ const CASES: &[Case] = &[
         mutants: &[
             // Each mutant plants one fault. In the order of the list: the blend of two scales is not transformed back to a uniform distribution; the
             // coarse scale is blended with itself; the seed is hashed without the salt; a sector has one cell too few; an axis along which the
-            // position does not change has the smallest cells; cells may be smaller than the step of f32 at the elevation; cells may be smaller than
-            // the step of f32 at the position in a sector; along the elevation, borders between cells lie exactly at multiples of the cell's height;
-            // the finest scale changes exactly at powers of two.
+            // position does not change has the smallest cells; cells may be smaller than the distance between neighbouring f32 values at the
+            // elevation; the same at the position in a sector; along the elevation, borders between cells lie exactly at multiples of the cell's
+            // height; the finest scale changes exactly at powers of two.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
@@ -299,8 +300,8 @@ const CASES: &[Case] = &[
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
             // Mutants of the noises `world` and `white`, in this order: the cells of the next finer level are hashed; the level is not clamped; cells
-            // may be smaller than the steps of f32 at the position; along the elevation, borders between cells lie at multiples of the cell's height;
-            // `white` noise does not change from frame to frame.
+            // may be smaller than the distance between neighbouring f32 values at the position; along the elevation, borders between cells lie at
+            // multiples of the cell's height; `white` noise does not change from frame to frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
             ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z));", "let k = level;"),
             ("noise", "i32(NOISE_LEVEL_MIN), noise_finest_of_all(sector_m, position.z)", "i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX)"),
@@ -409,8 +410,8 @@ const CASES: &[Case] = &[
             rows
         },
         // Limit for rows in which u lies on a threshold between two indices, to within rounding. For a random row, the probability is about 6 *
-        // 2^-23, so none of the 4096 is expected. A special row lies on a threshold if u is 3/4 and all four weights are equal, because the sum of
-        // three of the weights is rounded.
+        // 2^-23, so none of the 4096 is expected. Special rows with u = 3/4 and four equal weights are expected, because the sum of three of the
+        // weights is rounded.
         other_side_at_most: 8,
         mutants: &[
             // In this order: index 0 is chosen although its weight is 0; the first threshold is used in place of the second; the last index is chosen
@@ -465,7 +466,7 @@ const CASES: &[Case] = &[
         },
         // Limit for rows that lie, to within the error, on a border between two cells of the lattice, or at which the number of hexagons per sector
         // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. The expected rows are
-        // some random rows, and the special rows at a corner of a cell or one step off it.
+        // some random rows, and the special rows at or next to a corner of a cell.
         other_side_at_most: 32,
         mutants: &[
             // In this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same texture
@@ -613,9 +614,9 @@ const CASES: &[Case] = &[
             rows
         },
         // Limit for boxes that lie beyond the plane by less than the margin of the test, so that they may be culled or kept. In half of the random
-        // rows, the distance of the box from the plane is 2^-24 to 1 times its distance from the origin, with equally many rows in each of these
-        // octaves. The margin is 2^-21 to 2^-20 times the distance from the origin, so an eighth of these rows lies within the margin. Half of them
-        // lie on the visible side of the plane, where a box must always be kept.
+        // rows, the distance of the box from the plane is 2^-24 to 1 times the distance of the box from the origin, with equally many rows in each of
+        // these octaves. The margin is 2^-21 to 2^-20 times the distance from the origin, so an eighth of these rows lies within the margin. Half of
+        // them lie on the visible side of the plane, where a box must always be kept.
         other_side_at_most: 400,
         mutants: &[
             // In this order: the opposite corner of the box is tested; the plane passes through the origin; the margin is applied to the wrong side.
@@ -899,8 +900,9 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows at the smallest and the largest distance that reprojection accepts, for rows whose plane contains the eye of the earlier
-        // frame, and for rows whose position is about halfway between two pixels, of which about one random row is expected.
+        // Limit for three kinds of rows: rows at the smallest or the largest distance that reprojection accepts; rows whose plane contains the eye of
+        // the earlier frame; and rows whose point the earlier camera saw about halfway between two pixels. Of the last kind, about one random row is
+        // expected.
         other_side_at_most: 64,
         mutants: &[
             // In this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of subtracted;
@@ -938,7 +940,7 @@ fn rename(text: &str, from: &str, to: &str) -> String {
 }
 
 /// Returns the WGSL of a probe with one replacement. If `file` is empty, the replacement is made in `body`, the probe's own text; otherwise, it is
-/// made in a copy of this shared file. The copy is placed before the probe's text, and its declarations are renamed, so that they do not collide with
+/// made in a copy of this file. The copy is placed before the probe's text, and its declarations are renamed, so that they do not collide with
 /// the original ones.
 fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
     if file.is_empty() {
@@ -1053,7 +1055,7 @@ const ALIKE: [(&str, &str, &str); 4] = [
 ];
 
 /// Finds results that test nothing. Returns each result that equals an input or an earlier result in every row, with the name of that column. Also
-/// returns the results that have the same value in all rows. A column consists of its name and the numbers of its rows.
+/// returns the results that have the same value in all rows. A column is given by its name and its values in all rows.
 fn tautologies(inputs: &[(&str, Vec<f64>)], outputs: &[(&str, Vec<f64>)]) -> Vec<(String, String)> {
     let equal = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs().max(b.abs()) + 1e-12);
     let mut found = Vec::new();
@@ -1242,8 +1244,9 @@ struct Scenery {
 }
 
 impl Scenery {
-    /// Returns random terrain and masks. In each tile, 0, 3, 50 or 100 % of the pixels show terrain. Each tile has a random mask and one of three
-    /// kinds. Depending on the kind, each pixel has the mask of the tile, one random flavour, or a random subset of the mask.
+    /// Returns random terrain and masks. Each tile has a probability, 0, 3, 50 or 100 %, with which each of its pixels shows terrain. Each tile also
+    /// has a random mask and one of three kinds. Depending on the kind, each pixel has the mask of the tile, one random flavour, or a random subset
+    /// of the mask.
     fn random(size: [u32; 2], table: u32) -> Scenery {
         let columns = tiles(size)[0];
         let (mut mask, mut terrain) = (Vec::new(), Vec::new());

@@ -167,7 +167,8 @@ fn tiles_that_are_not_in_the_file_have_no_data_or_are_0() {
         let reading = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { height_range_m: range, ..plain() });
         same(&reading, "06-sparse-tiles/truth_untagged.f32", 0.501);
         has(&notes(&reading), &["1 of 15 tiles are not in the file", "their samples are 0"]);
-        // In a map of floats, samples that are exactly 0 are reported, whatever their cause, unless the user states that they are ground.
+        // In a map of floats, a block of samples that are exactly 0 is reported if all other samples are far from 0. It is not reported if the user
+        // states that no sample marks missing data.
         if range.is_none() {
             has(&notes(&reading), &["1024 samples are exactly 0 (the first at column 64, row 32)", "all others are 300 to 900"]);
             let kept = read(&format!("06-sparse-tiles/{file}"), &ReadOptions { no_data: NoData::Nothing, ..plain() });
@@ -782,11 +783,11 @@ fn the_program_imports_what_it_says_or_leaves_nothing_behind() {
     assert_eq!(left, ["holes", "scaled", "smallest"], "nothing is half-written");
 }
 
-/// A place, metres east and north of the centre of a world, and the right height there, metres.
+/// A place (metres east and north of the centre of a world), and the correct height there, metres.
 type Place = ([f64; 2], f64);
 
-/// The ground of most cases, which GDAL and OpenEXR wrote from one array of 65 x 49 samples: the corners, the centre, and a place near the
-/// north-west. Positions are those of a spacing of 10 m.
+/// Heights of most cases at six places: the corners, the centre, and a place in the north-west. GDAL and OpenEXR wrote the files of these cases from
+/// one array of 65 x 49 samples. The positions are those for a spacing of 10 m.
 const PLACES: [Place; 6] = [
     ([-320.0, 240.0], 805.748),
     ([320.0, 240.0], 822.5),

@@ -1,6 +1,6 @@
 //! Tests the materials of an import with folders that have the file names and formats of texture libraries and other programs. A survey finds the
 //! materials in a folder. The materials that it accepts are copied, read again from the copies, and made into a palette, as for drawing. Their values
-//! are compared with values that other decoders read from the images.
+//! are compared with those that the tests themselves read from the image files.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -278,7 +278,7 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     }
     let mut by_two = Renderer::new(&plain, &small_scene(), &|_| {}).expect("renders");
     let mut renderer = second_renderer();
-    // One of the sizes is not a multiple of a tile. The pictures have sky at the top and terrain at all depths.
+    // One of the sizes is not a multiple of the size of a tile. The pictures show sky at the top, and terrain both near and far.
     for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
         // The first request draws all tiles from the list of all tiles, each pixel with the flavours that it needs. The second request draws all
         // tiles from the list of one variant. If a tile wrote beyond its borders, the pixels there would have the flavours of the wrong tile. More

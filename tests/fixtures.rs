@@ -203,8 +203,8 @@ pub(crate) fn import_scene(source: &Path, options: &ImportOptions, out: &Path) -
     scene::load(&out.display().to_string()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Imports a map of 201 x 150 samples, 4.3 m apart, as a scene. Its edges lie between vertices of all LODs: vertices are 4 m apart at the finest LOD,
-/// which is 3, but the ground reaches 430 m to the east and 320.35 m to the north. It rises steeply to the east and gently to the south.
+/// Imports a map of 201 x 150 samples, 4.3 m apart, as a scene. No LOD has vertices on the edges of the map: vertices are 4 m apart at the finest
+/// LOD, which is 3, but the map ends 430 m east and 320.35 m north of its centre. The ground rises steeply to the east and gently to the south.
 pub(crate) fn island(temp: &Folder) -> scene::Scene {
     let (size, spacing) = ([201, 150], 4.3);
     let centred = |index: u32, count: u32| (f64::from(index) - f64::from(count - 1) / 2.0) * spacing;
@@ -214,6 +214,16 @@ pub(crate) fn island(temp: &Folder) -> scene::Scene {
     fs::write(&file, samples.flat_map(f32::to_le_bytes).collect::<Vec<u8>>()).expect("a temporary file can be written");
     let read = ReadOptions { metres_per_texel: Some(spacing), raw_size: Some(size), ..ReadOptions::default() };
     import_scene(&file, &ImportOptions { read, ..ImportOptions::default() }, &temp.0.join("island"))
+}
+
+/// Imports a map of 257 x 257 samples, 1 m apart, as a scene: ground that rises by 1 mm per metre to the east.
+pub(crate) fn level_ground(temp: &Folder) -> scene::Scene {
+    let size = [257, 257];
+    let samples = (0..size[0] * size[1]).map(|k| 100.0 + 0.001 * (k % size[0]) as f32);
+    let file = temp.0.join("level.r32");
+    fs::write(&file, samples.flat_map(f32::to_le_bytes).collect::<Vec<u8>>()).expect("a temporary file can be written");
+    let read = ReadOptions { metres_per_texel: Some(1.0), raw_size: Some(size), ..ReadOptions::default() };
+    import_scene(&file, &ImportOptions { read, ..ImportOptions::default() }, &temp.0.join("level"))
 }
 
 /// The text of an error. Panics if nothing was refused, or if the text is not one line.

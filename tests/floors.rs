@@ -180,7 +180,7 @@ fn cycles(folder: &Path) -> Vec<String> {
     found
 }
 
-/// An import, by a module of the folder, of something in the same folder.
+/// An import by a module of the folder, of another module or an item in the same folder.
 struct Import {
     file: PathBuf,
     line: usize,

@@ -148,8 +148,8 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
     }
 }
 
-/// Counts pixels in cracks, which show sky although the pixel above shows terrain. If an upright camera sees a heightfield without cracks, all pixels
-/// below a terrain pixel show terrain.
+/// Counts the pixels that show sky although the pixel above them shows terrain. Such pixels lie in cracks: if an upright camera sees a heightfield
+/// without cracks, all pixels below a terrain pixel show terrain.
 fn cracks(on: &[bool], size: [u32; 2]) -> usize {
     let (width, height) = (size[0] as usize, size[1] as usize);
     (0..width).map(|x| (1..height).filter(|y| on[(y - 1) * width + x] && !on[y * width + x]).count()).sum()

@@ -4,7 +4,7 @@
 //! The tests compare the functions of the vertex stage on the GPU with their reference, and check that the neighbour has the vertices that the
 //! reference returns. The ground of a heightmap must end where its data end, without cracks at borders of nodes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
@@ -35,10 +35,10 @@ use crate::fixtures::{Folder, SIZE, gpu, island, pose, request, second_renderer,
 use crate::shading::{self, Seen};
 
 /// A vertex of a square, which is a node or a patch: the index of the vertex in the node, the south-west corner of the square, the number of quads
-/// along its side, and its deltas.
+/// along a side of the square, and the packed deltas of its four sides (see [`rows`]).
 type Row = ([u32; 2], [u32; 2], u32, u32);
 
-/// Returns rows for the test. A delta is the number of levels by which a side of the square is coarser than its vertices; the deltas of the four
+/// Returns rows for the test. A delta is the number of levels by which a side is coarser than the vertices of the square; the deltas of the four
 /// sides are packed with 4 bits each. The rows contain every border vertex and some inner vertices of the node, vertices of some of its patches, and
 /// every delta from 0 to 5 on every side.
 fn rows() -> Vec<Row> {
@@ -128,8 +128,8 @@ fn mask_and_shading_normal_equal_their_references() {
         let mut sky = masks.clone();
         for Seen { index, pixel, .. } in &seen {
             sky[*index] = 0;
-            // If the relative distance to a border between flavours is below 1e-5, rounding decides the mask, so the masks of both sides are
-            // accepted.
+            // If the distance from the eye is within 0.001 % of a distance at which the flavours change, rounding decides the mask. So the masks of
+            // slightly smaller and of slightly larger distances are accepted.
             let mask = |factor: f64| flavour_weights::mask(flavour_weights::weights(pixel.distance_m * factor, pixel.normal.z, &params));
             let [low, high] = [mask(0.99999), mask(1.00001)];
             let found = u32::from(masks[*index]);
@@ -227,7 +227,7 @@ fn the_whole_ground_is_drawn_whatever_has_arrived() {
     let mut arrivals = renderer.arrivals(schedule, &start).expect("starts");
     let mut lods = BTreeMap::new();
     let mut stale = None;
-    // Teleports, each after a few frames, so that all kinds of neighbours meet: next to each other are nodes whose LODs differ by up to 5.
+    // The camera teleports in frames 0 and 12. Some nodes are then drawn 4 or 5 levels coarser than wanted, next to finer nodes that have arrived.
     for number in 0..24u32 {
         let jump = |axis: u32| 6000.0 * (f64::from(hash::pcg4d([number / 12, axis, 21, 4])[0]) / 4_294_967_296.0 - 0.5);
         let request = view(&renderer, jump(0), jump(1), -1.2);
@@ -243,7 +243,7 @@ fn the_whole_ground_is_drawn_whatever_has_arrived() {
     assert!(lods.len() >= 4 && lods.keys().any(|lag| *lag >= 4), "{lods:?}");
     let error = renderer.draw(&stale.expect("the first frame")).map(|_| ()).expect_err("an earlier frame").to_string();
     assert!(error.contains("make this frame again"), "{error}");
-    // When everything has arrived, the picture is the settled one, bit for bit.
+    // When all nodes have arrived, the picture must equal that of settled residency, bit for bit.
     let last = view(&renderer, 300.0, -500.0, -0.3);
     let settled = geometry_of(&mut renderer, &last, Culls::ALL);
     let mut frames = 0;
@@ -261,6 +261,47 @@ fn the_whole_ground_is_drawn_whatever_has_arrived() {
     let streamed = last.with(|r| r.geometry.residency = residency);
     assert!(geometry_of(&mut renderer, &streamed, Culls::ALL) == settled, "after {frames} frames");
     assert_eq!(renderer.draw(&streamed).expect("draws").report().lag, Lag::default());
+}
+
+#[test]
+fn the_layers_of_lods_and_strides_show_the_drawn_nodes_and_patches() {
+    let mut renderer = second_renderer();
+    let (mut seen_lods, mut seen_strides) = (BTreeSet::new(), BTreeSet::new());
+    for camera in ["cliff", "vista"] {
+        let request = request(&renderer, camera).with(|r| {
+            r.geometry.error_px = 1.0;
+            r.outputs.aovs = AovSet::from_names(&["lod", "stride", "position"]).expect("known layers");
+        });
+        let picture = renderer.render(&request).expect("renders");
+        let on = terrain(&picture);
+        let (lods, strides) = (picture.values("lod").expect("requested"), picture.values("stride").expect("requested"));
+        let position = picture.vectors("position").expect("requested");
+        let layout = *renderer.world().layout();
+        for (i, is_terrain) in on.iter().enumerate() {
+            if !is_terrain {
+                assert_eq!((lods[i], strides[i]), (-1.0, 0.0), "{camera}, pixel {i}");
+                continue;
+            }
+            // The drawn node that contains the position, found by its corners. Positions within 1 cm of a border of patches are left out, because the
+            // layer rounds them to f32.
+            let [x, y] = [0, 1].map(|k| f64::from(position[i][k]));
+            let node = picture.report.drawn.iter().find(|node| {
+                let (low, edge) = (node.origin_m(&layout), layout.node_m(node.lod));
+                (low.x..low.x + edge).contains(&x) && (low.y..low.y + edge).contains(&y)
+            });
+            let node = *node.unwrap_or_else(|| panic!("{camera}, pixel {i}: no node is drawn at ({x}, {y})"));
+            let in_patches = (DVec2::new(x, y) - node.origin_m(&layout)) / (layout.node_m(node.lod) / 8.0);
+            if (in_patches - in_patches.round()).abs().min_element() * layout.node_m(node.lod) / 8.0 < 0.01 {
+                continue;
+            }
+            let patch = [in_patches.x as u32, in_patches.y as u32];
+            let stride = 1u32 << picture.report.levels.log2_stride(node, patch);
+            assert_eq!((lods[i], strides[i]), (f32::from(node.lod), stride as f32), "{camera}, pixel {i}");
+            seen_lods.insert(node.lod);
+            seen_strides.insert(stride);
+        }
+    }
+    assert!(seen_lods.len() >= 4 && seen_strides.len() >= 3, "{seen_lods:?} {seen_strides:?}");
 }
 
 /// Elevation of the surface of a node at a position, metres, if all of its vertices are drawn.
@@ -365,8 +406,8 @@ fn the_height_query_agrees_with_the_drawn_triangles() {
                 let depth_m = NEAR_M / f64::from(depth[pixel as usize]);
                 let place = oracle::place_at(&view, [x, y], depth_m);
                 // Because of rounding, a visible point may lie off the plane of its triangle, and slightly outside the triangle. The tolerances are
-                // those of the inspector. Distance from the plane: 2 mm plus 1/20 of a pixel. Horizontal distance from the triangle: 1 mm plus 1/50 of
-                // the step to the next pixel. The second tolerance is doubled, because distances along a slope are longer than horizontal ones.
+                // those of the inspector. Distance from the plane: 2 mm plus 1/20 of a pixel. Horizontal distance from the triangle: 1 mm plus 1/50
+                // of the step to the next pixel. The second tolerance is doubled, because distances along a slope are longer than horizontal ones.
                 let [a, b, c] = below.triangle_at(place.truncate()).expect("ground is seen, so ground is drawn");
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 let (ray, pixel_m) = (view.ray(f64::from(x), f64::from(y)), depth_m * view.ray_dy.length());
@@ -432,7 +473,7 @@ fn the_ground_of_a_heightmap_is_drawn_to_the_edge_of_its_data() {
     assert!((data - DVec2::new(430.0, 320.35)).abs().max_element() < 1e-9 && world.layout().finest_lod == 3);
     // Where the ground would end if all its triangles had three vertices within the data.
     let last_vertices = (data / 4.0).floor() * 4.0;
-    // One edge, the corners, and the places where an edge meets the border of two nodes.
+    // A place on one edge, the corners, and the places where an edge meets the border of two nodes.
     let places = [[1.0, 0.3], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
     for place in places {
         let at = data * DVec2::from_array(place);

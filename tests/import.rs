@@ -1,4 +1,4 @@
-//! Tests of heightmap files: every format, windows (rectangular parts of a file), imports as scenes, and the error for every kind of bad file.
+//! Tests of heightmap files: every format, windows (rectangular parts of a file), imports as scenes, and the errors for bad files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ fn import(source: &Path, read: &ReadOptions, materials: Option<&Path>, detail_m:
 const SIZE: [u32; 2] = [37, 29];
 const RANGE: [f64; 2] = [100.0, 900.0];
 
-/// Sample of a slope with bumps that rises to the east. No two rows or columns are equal.
+/// Sample of a bumpy slope that rises to the east. No two rows or columns are equal.
 fn value(x: u32, y: u32) -> u16 {
     (x * 1100 + y * 310 + (x * y) % 97 * 60) as u16
 }

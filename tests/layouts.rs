@@ -259,7 +259,7 @@ fn indirect_draws_have_the_shaders_layout() {
     let text = sources().into_iter().find(|s| s.name == "classification, plain").expect("there is such a module").text;
     let (module, _) = validate(&text, naga::valid::Capabilities::empty()).unwrap_or_else(|e| panic!("{e}"));
     let layout = shader(&module, "DrawArguments").expect("the classification pass writes indirect draws");
-    // In the order of the WebGPU specification, drawIndirect: four 32-bit words.
+    // The WebGPU specification (drawIndirect) gives these four 32-bit words in this order.
     let names = ["vertex_count", "instance_count", "first_vertex", "first_instance"];
     let expected: Vec<Row> = (0..).zip(names).map(|(i, name)| (name.to_owned(), i * 4, 4, Some(ScalarKind::Uint))).collect();
     assert_eq!(layout, Layout { fields: expected, size: 16 });

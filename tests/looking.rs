@@ -90,7 +90,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
         assert!(beside(&at, target) < 1e-9 && (at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "{at:?}");
     }
 
-    // Two notches of the mouse wheel move the camera nearer. The movement keys move the orbited point together with the camera.
+    // Scrolling upwards moves the camera nearer. The movement keys move the orbited point together with the camera.
     stage.scroll(100.0).expect("a picture");
     let near = pose(&mut stage);
     let share = near.position.distance(target) / distance_m;
@@ -217,6 +217,8 @@ fn every_layer_has_a_legend_of_what_it_shows() {
             Layer::Normal => 3,
             Layer::Depth | Layer::Fetches | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual => 1,
             Layer::Choice => 9,
+            Layer::Lod => 6,
+            Layer::Stride => 5,
             Layer::Mask => {
                 let picture = shown(&mut stage);
                 let masks = picture.picture.values("mask").expect("asked for");

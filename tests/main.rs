@@ -69,6 +69,9 @@ mod mutation_text;
 mod noise_frame;
 #[cfg(test)]
 mod noise_stability;
+#[cfg(test)]
+mod occlusion;
+#[cfg(test)]
 mod parsers;
 #[cfg(test)]
 mod reload;

@@ -154,7 +154,7 @@ fn seam(height: &[f32], stride: usize, n: usize) -> f64 {
 
 #[test]
 fn procedural_materials_tile_without_a_seam() {
-    const LIMIT: f64 = 1.2; // without a seam, the step across the edge is about as large as the 127 steps inside
+    const LIMIT: f64 = 1.2; // without a seam, the step across the edge is hardly larger than the largest of the 127 steps inside
     for name in procedural::NAMES {
         let maps = make(name, 128);
         let ratio = seam(&maps.height, 128, 128);
@@ -557,7 +557,7 @@ fn scanned_materials_load_where_there_are_any() {
     for dir in folders {
         let maps = folder::load("scanned", &dir, 64).unwrap_or_else(|error| panic!("{error}"));
         let upright = mean(maps.normal.iter().map(|n| f64::from(1.0 - n[0] * n[0] - n[1] * n[1]).max(0.0).sqrt()));
-        assert!(upright > 0.5, "{}: normals lean by {upright:.2}", dir.display());
+        assert!(upright > 0.5, "{}: the mean z of the normals is only {upright:.2}", dir.display());
         // If the green channel followed the convention of DirectX, the y of the normals would have the opposite sign, and the correlation with the
         // slopes of the height along v would be negative.
         let at = |x: usize, y: usize| f64::from(maps.height[(y % 64) * 64 + x % 64]);

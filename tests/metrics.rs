@@ -250,7 +250,7 @@ fn sums_of_ragged_pictures_equal_their_reference() {
                 let found = take(gpu, &mut meter, &pictures[index], known);
                 let since = gap.filter(|gap| index >= *gap).map_or(0, |gap| gap + 1);
                 compare(size, &found, &pictures[..=index], &references[..=index], since, &links);
-                // Without a reference, no error was added in this frame, so there is nothing to return.
+                // In a frame without a reference, no error is known, so no remembered errors are returned.
                 if known.is_none() {
                     assert!(meter.memory(gpu, 0).expect("the device works").is_empty(), "frame {index}");
                 }
@@ -298,7 +298,7 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
         assert!(found.terrain == expected.terrain || lag >= index, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
         assert!(expected.chosen > 100 || lag >= index, "frame {index}, lag {}: {expected:?}", lag + 1);
         assert!((expected.residual.compared > 100) == (index > since + lag), "frame {index}, lag {}: {expected:?}", lag + 1);
-        // Each part adds at most 64 numbers below 2 in f32, so a sum has a relative error of at most 64 roundings. The numbers themselves are
+        // Each partial sum adds at most 64 numbers below 2 in f32, so it has a relative error of at most 64 roundings. The numbers themselves are
         // differences of rounded luminances, with an error of a few roundings of a number below 2.
         let tolerance = |sum: f64| 64.0 * 2f64.powi(-24) * sum + 1e-6;
         let sums = |sums: &LagSums| {
@@ -355,7 +355,7 @@ fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize
 
 #[test]
 fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
-    // Q: standard deviation of fine detail in the reference. It is white noise, because it is aliased differently in each frame. S: standard
+    // Q: standard deviation of fine detail in the reference. The detail is white noise, because it is aliased differently in each frame. S: standard
     // deviation of white noise in the tested picture. A: height of a step.
     const Q: f64 = 0.05;
     const S: f64 = 0.03;
@@ -498,7 +498,8 @@ fn what_an_eye_remembers_has_its_closed_forms() {
 
 #[test]
 fn the_box_test_accepts_a_difference_of_one_rounding() {
-    // In f16, 1 + 2^-10 is the number after 1, and 1 - 2^-10 is two numbers before 1. Both are exactly at the tolerance of a box around 1.
+    // In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second number below 1. If all values of the box are 1, both are
+    // exactly at the limit of the tolerance.
     let step = 2f64.powi(-10);
     for (history, is_rejected) in [(1.0 + step, false), (1.0 - step, false), (1.0 + 2.0 * step, true), (1.0 - 1.5 * step, true)] {
         let sums = follow(2, |frame| vec![grey(if frame == 0 { history } else { 1.0 }, 1); PIXELS]);
@@ -606,8 +607,8 @@ fn block_noise_is_caught_by_clumping() {
     for sums in &finished {
         let n = sums.terrain * 3.0;
         assert_eq!(sums.terrain, PIXELS as f64);
-        // The three channels are equal, so a seed has PIXELS independent numbers for white noise, and about PIXELS / 25 for block noise. The tolerances are
-        // those of block noise.
+        // The three channels are equal, so a seed has PIXELS independent numbers for white noise, and about PIXELS / 25 for block noise. The
+        // tolerances are those of block noise.
         let variance = sums.variance / n;
         let error = 0.0025 * (2.0 / (f64::from(SEEDS - 1) * PIXELS as f64 / 25.0)).sqrt();
         assert!((variance - 0.0025).abs() < 3.5 * error, "variance {variance}");

@@ -61,7 +61,7 @@ struct Args {
     /// Folder that receives the table of each stage or path, and the file `strength.csv` with a row for each
     #[arg(long)]
     record: Option<PathBuf>,
-    /// Date that the rows of `strength.csv` contain
+    /// Date to write into the rows of `strength.csv`
     #[arg(long, default_value = "")]
     date: String,
 }

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use crate::mutation::listed::listed;
 
-/// A text with a character of two bytes, before and inside the line that changes.
+/// A text with characters of two bytes, both before the changed line and in it.
 const TEXT: &str = "//! α\nfn f(a: u32) -> u32 {\n    let b = 3; /* α² */ let c = a + b + 1;\n    c\n}\n";
 
-/// A mutant in JSON, with the fields that are not used.
+/// A mutant in JSON, including the fields that `listed` does not use.
 fn entry(what: &str, genre: &str, [start, end]: [[usize; 2]; 2], replacement: &str) -> String {
     let at = |[line, column]: [usize; 2]| format!("{{ \"line\": {line}, \"column\": {column} }}");
     let [line, column] = start;

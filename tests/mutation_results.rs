@@ -48,7 +48,7 @@ fn a_table_that_was_cut_anywhere_is_continued() {
     let (file, bytes) = two_rows(&folder);
     let ends: Vec<usize> = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1).collect();
     assert_eq!(ends.len(), 3, "a header and two rows");
-    // Length 0 is the empty file of a call that was interrupted before its first row. Lengths up to the first line end are a part of the header.
+    // With length 0, the file is empty, as after a call that was interrupted before its first row. The next lengths leave a part of the header.
     for length in 0..=bytes.len() {
         fs::write(&file, &bytes[..length]).expect("writes");
         let whole = ends[1..].iter().filter(|end| **end <= length).count();

@@ -3,9 +3,8 @@
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
 //! (Sidak). Single tests state their own level. Each family also has a control: a mutant that it must reject, or noise that it must accept.
-//! `noise_stability` tests that the numbers are uniform and independent, `shared` tests
-//! how hashed cells depend on scale and position, `agreement` compares the shader with the reference, and `noise_frame` tests that the renderer
-//! uses the requested kind.
+//! `noise_stability` tests that the numbers are uniform and independent, `shared` tests how hashed cells depend on scale and position, `agreement`
+//! compares the shader with the reference, and `noise_frame` tests that the renderer uses the requested kind.
 
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
@@ -349,8 +348,8 @@ fn interleaved_gradient_noise_is_the_published_one() {
         assert!(gap > 0.05, "decision {decision}: {gap}");
     }
     assert!(of(NoiseKind::WhiteScreen, 0) < 0.02);
-    // The published function is not uniform. It becomes uniform by adding a hashed offset modulo 1 (`rotated`). Null hypothesis: the share of values
-    // above 0.983 is 0.017. The level of this single test is 0.1 %.
+    // The published function is not uniform. Adding a hashed offset modulo 1 makes it uniform (`rotated`). Null hypothesis: the share of values from
+    // 0.983 on is 0.017. The level of this single test is 0.1 %.
     const DRAWS: u32 = 4_000_000;
     let above = |of: &dyn Fn(u32) -> f64| (0..DRAWS).filter(|&i| of(i) >= 0.983).count() as u64;
     let p = |n: u64| coverage_p(n, u64::from(DRAWS), 0.017);
@@ -387,7 +386,7 @@ const GROUND: [NoiseKind; 3] = [NoiseKind::HashedIsotropic, NoiseKind::HashedAni
 /// Sizes of a pixel on the ground, metres.
 const FOOTPRINTS_M: [f32; 4] = [1e-4, 3e-3, 0.05, 2.0];
 
-/// Returns `x`, moved by a number of steps of f32.
+/// Returns `x`, moved by a number of steps of f32: each step leads to the next larger number, or to the next smaller one if `steps` is negative.
 fn stepped(x: f32, steps: i32) -> f32 {
     (0..steps.unsigned_abs()).fold(x, |x, _| if steps < 0 { x.next_down() } else { x.next_up() })
 }
@@ -403,8 +402,8 @@ fn across(axis: usize, position: [f32; 3], sector_m: f32, footprint: f32) -> Has
 #[test]
 fn a_step_of_a_coordinate_redraws_few_thresholds() {
     const POINTS: u32 = 4000;
-    // The share of points whose first threshold changes if a coordinate in `range` is moved by `steps` steps of f32: up for half of the points, down
-    // for the other half.
+    // Returns the share of points whose first threshold changes if a coordinate in `range` is moved by `steps` steps of f32: up for half of the
+    // points, down for the other half.
     let redrawn = |kind: NoiseKind, level: i32, axis: usize, range: [f64; 2], sector_m: f32, footprint: f32, steps: i32| {
         let mut random = Random(range[0].to_bits() ^ u64::from(footprint.to_bits()) << 7);
         let moves = |i: u32| {
@@ -417,15 +416,16 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
         };
         f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
     };
-    // A cell is at least 16 steps of f32 wide, so moving a coordinate by one step crosses a border of the finer of two scales with a probability of
-    // at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %; 0.025 is five times as much.
+    // A cell is at least 16 steps of f32 wide. So moving a coordinate by one step crosses a border of the finer of the two blended scales with a
+    // probability of at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %; 0.025 is five
+    // times as much.
     let most = 3.0 / 32.0 + 0.025;
     let mut checked = 0;
     for kind in GROUND {
         let levels: &[i32] = if kind == NoiseKind::WhiteWorld { &[WORLD_LEVEL, noise::LEVEL_MAX] } else { &[WORLD_LEVEL] };
         for &level in levels {
             for footprint in FOOTPRINTS_M {
-                // Elevations between which the step of f32 grows from 2^-25 m to 2^-10 m.
+                // Elevations from 0.3 m, where a step of f32 is 2^-25 m long, to 8848 m, where it is 2^-10 m long.
                 for z in [0.3, 3.7, 61.3, 700.0, 1234.5, 2999.0, 8848.0] {
                     let share = redrawn(kind, level, 2, [z, z + 1.0], 64.0, footprint, 1);
                     assert!(
@@ -434,7 +434,7 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
                     );
                     checked += 1;
                 }
-                // The largest sectors have the largest steps.
+                // Horizontal positions. In the largest sectors, the steps of f32 are the longest.
                 for (axis, sector_m) in [(0, 64.0_f32), (0, 16_384.0), (1, 16_384.0)] {
                     let range = [f64::from(sector_m) / 2.0, f64::from(sector_m)];
                     let share = redrawn(kind, level, axis, range, sector_m, footprint, 1);

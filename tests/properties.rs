@@ -411,7 +411,7 @@ proptest! {
         prop_assert_eq!(triplanar::weights(scale(n, -s), k), w);
         let [x, y, z] = n;
         prop_assert!(close(triplanar::weights([y, z, x], k), [w[1], w[2], w[0]], 1e-12));
-        // The axis with the larger component of the normal never has the smaller weight.
+        // Of two axes, the one with the larger component of the normal never has the smaller weight.
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
             prop_assert!(n[i].abs() < n[j].abs() || w[i] >= w[j]);
         }
@@ -453,8 +453,8 @@ proptest! {
         prop_assert_eq!(snapped_projection::plane(scale(n, s), cosine), plane);
         prop_assert_eq!(snapped_projection::plane([n[0], n[1], -n[2]], cosine), plane);
         prop_assert_eq!(snapped_projection::plane([-n[0], -n[1], n[2]], cosine), plane, "both sides of a wall must have the same plane");
-        // The azimuth of a steep normal differs by at most 22.5 degrees from the horizontal direction along which its plane is projected (`facing`),
-        // or from the opposite direction.
+        // On steep ground, the azimuth of the normal differs by at most 22.5 degrees from the horizontal direction along which the texture is
+        // projected (`facing`), or from the opposite direction.
         let facing = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, -1.0]][plane as usize];
         let azimuth = (facing[0] * n[0] + facing[1] * n[1]).abs() / (facing[0].hypot(facing[1]) * n[0].hypot(n[1]));
         prop_assert!(plane == 2 || azimuth >= (std::f64::consts::PI / 8.0).cos() - 1e-12, "{}", azimuth);

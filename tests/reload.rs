@@ -22,7 +22,7 @@ const LIGHTING: &str = "lighting/lighting.wgsl";
 const LIGHT: &str = "lighting/light.wgsl";
 const LIT: &str = "return vec4<f32>(lighting_radiance(surface, ray), 1.0);";
 const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * lighting_radiance(surface, ray), 1.0);";
-/// Returns NaN, infinity and a finite number. The values depend on the pixel, so that the compiler cannot know them.
+/// Returns NaN, infinity and a finite number. The first two are computed from the index of the pixel, so that the compiler cannot know them.
 const LIT_BY_NO_NUMBER: &str =
     "return vec4<f32>(bitcast<f32>(0x7fc00000u | (index.x & 1u)), bitcast<f32>(0x7f800000u + (index.x - index.x)), 0.25, 1.0);";
 const DISPLAY: &str = "display/display.wgsl";

@@ -890,7 +890,7 @@ fn tables_of_probes_keep_their_columns_and_every_digit() {
             writer.write_record(names).expect("writable");
             for (row, cells) in values.chunks_exact(columns).enumerate() {
                 let cells = cells.iter().rev().map(ToString::to_string);
-                // A table must not contain NUL, which hints at UTF-16.
+                // A table must not contain NUL, because the reader takes it as a sign of UTF-16.
                 let control = Some(CONTROLS[row % CONTROLS.len()]).filter(|control| *control != "\0").unwrap_or_default();
                 let others = [PIECES[row % PIECES.len()], control].map(|piece| format!("x{piece}x"));
                 writer.write_record(cells.chain(others)).expect("writable");

@@ -274,10 +274,7 @@ fn a_run_is_the_same_in_shards() {
     assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing: shard 1/2"), "{report:?}");
 }
 
-/// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1), but only one row in four
-/// with earlier frames (lags above 1). This quarter of the rows changes from frame to frame. It contains the row in one of four frames; the other
-/// frames have no values for lags above 1.
-/// Terrain nodes that arrive late, in a view that moves by 150 m per frame.
+/// The definition of a run in which terrain nodes arrive late. The camera moves by 150 m per frame.
 const LATE: &str = r#"name = "late"
 question = "Does a frame of simulated streaming depend on the shard that draws it?"
 size = [96, 64]
@@ -328,6 +325,9 @@ fn late_nodes_are_the_same_in_shards_and_count_as_error() {
     assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
 }
 
+/// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1), but only one row in four
+/// with earlier frames (lags above 1). This quarter of the rows changes from frame to frame. It contains the row in one of four frames; the other
+/// frames have no values for lags above 1.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");

@@ -219,7 +219,7 @@ impl Wanted {
         const ROUNDING: f64 = 2e-5;
         const ROUNDING_M: f64 = 1e-3;
         let texels = virtual_texture::reference::texels(pixel.steps, blend.mip_bias, anisotropy).max(1.0).log2();
-        // Within a thousandth of the border between two levels, a frame requests the pages of both.
+        // If the level of a pixel, before it is rounded down, is within 0.001 of the border between two levels, a frame requests the pages of both.
         let levels = |off: f64| [off - 0.001, off + 0.001].map(|off| ((texels + off).max(0.0) as u32).min(virtual_texture::LEVELS - 1));
         let pages = |off: f64, off_m: [f64; 2]| {
             levels(off).map(|level| {

@@ -104,7 +104,7 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
 /// Side of a sector, metres.
 const SECTOR_M: f64 = 64.0;
 
-/// Returns a random place near a sector that is 1000 km east and 1000 km south of the origin. The footprint of the place is between 2^-17 and 2^6 m
+/// Returns a random place that is 700 to 1300 km east and 700 to 1300 km south of the origin. The footprint of the place is between 2^-17 and 2^6 m
 /// wide, so that hashed noise uses cells of every scale.
 fn far_place(i: u32) -> HashedPoint<f64> {
     let mut random = Random(u64::from(i) << 20);
@@ -890,7 +890,7 @@ fn fresnel_and_environment_are_in_bounds() {
         for roughness in [0.1, 0.3, 0.5, 0.7, 0.9] {
             for n_dot_v in [0.1, 0.3, 0.5, 0.8, 1.0] {
                 let truth = integral(f0, roughness, n_dot_v);
-                assert!(truth <= 1.0 + 1e-3, "energy appears: {truth}");
+                assert!(truth <= 1.0 + 1e-3, "more light is reflected than arrives: {truth}");
                 worst = worst.max((fit(roughness, n_dot_v) - truth).abs());
             }
         }

@@ -1,10 +1,10 @@
 //! Tests the statistics of bias (`experiments::significance`) on simulated runs: how often they report a bias where there is none, and which biases
 //! they find.
 //!
-//! A simulated row consists of the sums of 480 x 270 pixels over areas of 16 x 16 pixels, for four seeds. The size of the picture, the number of
-//! seeds and the number of rows are those of the recorded sweep. The largest standard deviation of an area is 14 times the smallest one. A third of
-//! the rows has numbers with a skewed distribution. Neighbouring areas are correlated as in pictures with six of the seven kinds of noise
-//! (`NEIGHBOURS`).
+//! A simulated row (one measured bias) consists of sums of simulated differences from the exact blend, one sum for each seed and each area of 16 x 16
+//! pixels of a picture of 480 x 270 pixels. The size of the picture, the number of seeds (four) and the number of rows are those of the recorded
+//! sweep. The largest standard deviation of an area's sum is 14 times the smallest one. In a third of the rows, the sums have a skewed distribution.
+//! Neighbouring areas are correlated as in pictures with six of the seven kinds of noise (`NEIGHBOURS`).
 
 use experiments::significance::{Areas, Mean, POWER, detectable, limit, sidak};
 use experiments::stability::statistics::Random;
@@ -18,19 +18,20 @@ const ROWS: u64 = 36;
 /// Share of the sum of the area to the left, and of the area above, that is added to the sum of an area, so that neighbouring areas are correlated.
 /// The noises are, in this order: `hashed`, `hashed-anisotropic`, `white`, `world`, `ign`, `blue`. The shares are chosen to give correlations like
 /// those in simulated pictures of ground and cliffs. In these pictures, the variance of the picture's sum was 0.5 to 0.75 times the sum of the areas'
-/// variances for `ign` and `blue`, and 0.95 to 1.24 times that sum for the other noises. The ratio was largest for `world` cells near the camera.
+/// variances for `ign` and `blue`, and 0.95 to 1.24 times that sum for the other noises. The ratio was largest for `world` on ground near the camera.
 const NEIGHBOURS: [f64; 6] = [1.0 / 64.0, 1.0 / 128.0, 0.0, 1.0 / 16.0, -1.0 / 12.0, -1.0 / 16.0];
 
-/// The sums of a row: a list of areas for each seed.
+/// The sums of a row: for each seed, one sum per area.
 type Sums = [Vec<f64>; SEEDS];
 
-/// Number of values in an area: three channels of each pixel. The last row of areas is only 14 pixels high.
+/// Number of values in an area: three channels of each pixel. The areas at the bottom of the picture are only 14 pixels high.
 fn numbers(at: usize) -> f64 {
     if at / GRID[0] + 1 == GRID[1] { 48.0 * 14.0 } else { 48.0 * 16.0 }
 }
 
-/// Standard deviation of the sum of each area, equal in squares of 3 x 3 areas. It lies between 2.4 / 4 and 2.4 x 4. The number 2.4 is the standard
-/// deviation of the sum over 256 independent pixels, each of which has three equal channels with a standard deviation of 0.05.
+/// Standard deviation of the sum of each area. It is the same for all areas of a square of 3 x 3 areas. It lies between 2.4 / 4 and 2.4 x 4. The
+/// number 2.4 is the standard deviation of the sum over 256 independent pixels, each of which has three equal channels with a standard deviation of
+/// 0.05.
 fn deviations() -> Vec<f64> {
     let mut random = Random(7);
     let squares: Vec<f64> = (0..60).map(|_| 2.4 * (4.0 * random.unit() - 2.0).exp2()).collect();

@@ -36,7 +36,7 @@ fn kernels_hold_at_their_extremes_as_recorded() {
     let mut compared = 0;
     for finding in &findings {
         // The errors of two GPUs differ in the last digits. A finding (measured error) of a GPU is therefore compared only if the table was recorded
-        // on this GPU; otherwise, it may be missing in the table. Findings of the f32 reference must all be in the table, because they are the same
+        // on this GPU; otherwise, it may be missing from the table. Findings of the f32 reference must all be in the table, because they are the same
         // on every machine, except for the last digits of library functions.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(

@@ -340,8 +340,8 @@ fn a_damaged_file_of_a_finished_run_is_refused_or_changes_nothing() {
     let (trial, another) = (trial(), another());
     let (truth, files) = finished(&trial, &folder.0.join("one"));
     let (theirs, other) = finished(&another, &folder.0.join("other"));
-    assert!(theirs.rows.len() == truth.rows.len() && theirs.times.len() == truth.times.len(), "the runs have the same parts");
-    assert!(truth.tables.iter().zip(&theirs.tables).all(|(one, other)| one != other), "and other numbers");
+    assert!(theirs.rows.len() == truth.rows.len() && theirs.times.len() == truth.times.len(), "the runs must have the same number of rows");
+    assert!(truth.tables.iter().zip(&theirs.tables).all(|(one, other)| one != other), "the runs must have different numbers");
     let run = folder.0.join("damaged");
     let mut bench = Bench { run: &run, definition: &trial, truth: &truth, is_finished: true, refused: 0, accepted: 0 };
     bench.try_files("nothing", &[], &files, true);

@@ -614,7 +614,7 @@ fn the_machine_shows_what_each_stage_reported() {
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
-        // The view `ground` checks the tiles of several variants. One cheap variant is enough for the view `vista`.
+        // The picture of the view `ground` has tiles of several variants. One cheap variant is enough for the view `vista`.
         stage.model().settings.frame.variant = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.model().shown().expect("a picture").clone();
@@ -717,8 +717,8 @@ const PREPARED: [(&str, &str); 4] = [
 
 #[test]
 fn no_control_is_without_effect() {
-    // A click on a control must change what a screen reader says about the window, or the settings, or the viewpoint. Drawing the window without
-    // input must change none of them; otherwise, the test would not notice a control without effect.
+    // A click on a control must change the settings, the viewpoint, or what a screen reader says about the window. Drawing the window without input
+    // must change none of them; otherwise, the test would not notice a control without effect.
     let results = Folder::new("controls");
     let mut stage = cheap_stage();
     let panes: Vec<&str> = Pane::ALL.into_iter().map(Pane::name).collect();

@@ -567,7 +567,7 @@ fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Returns the number of teeth per 10 000 vertices whose spacing is that of a LOD. They are counted along the rows and columns of 144 grids of 65 x
+/// Returns the number of teeth per 10 000 vertices whose spacing is that of a LOD. Teeth are counted along the rows and columns of 144 grids of 65 x
 /// 65 vertices, which are distributed over the world. The heights are samples of `height_m`; the heights that a coarse LOD draws are smoother.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;

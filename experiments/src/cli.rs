@@ -40,15 +40,16 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Run the small version of experiments; fail if a result is outside its expected range
     Check(CheckArgs),
-    /// Measure times and count culled patches on the built-in world; print ratios of times and the share of culled patches, with their targets
+    /// Measure times, culling and simulated streaming on the built-in world; print ratios of times and the share of culled patches, with their targets
     Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
     /// Turn a heightmap into a scene folder
     Import(ImportArgs),
-    /// Evaluate one shared function for each row of a table, on the GPU or with its reference on the CPU
+    /// Evaluate one function of the shaders for each row of a table, on the GPU or with its reference on the CPU
     Probe(ProbeArgs),
-    /// Compare shared functions at extreme values with f64; test stored directions, derivatives, hashes and noise; write tables and a report
+    /// Compare functions of the shaders at extreme values with references in f64; test stored directions, derivatives, hashes and noise; write tables
+    /// and a report
     Stability(StabilityArgs),
     /// Compare a picture with a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
@@ -87,8 +88,8 @@ pub(crate) struct DemoArgs {
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
 manifest.json, pictures/, reference/ and, if the definition requests them, video/ and scene/.
 `run` only reports an expectation that does not hold; `experiments check` fails instead.
-Times are measured in rounds until each ratio of shading times is known to 5 %, or the definition's `times_budget_s` are spent. Ratios that
-are not known to 5 % are marked as unstable; they take no part in fronts, sentences and expectations.
+Times are measured in rounds until the 95 % interval of each ratio of shading times is at most 5 % wide on each side, or until the definition's
+`times_budget_s` are spent. Ratios with a wider interval are marked as unstable; they take no part in fronts, sentences and expectations.
 --resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are equal to those of an uninterrupted run. Shards may
 run on several machines with equal adapters; `experiments report DIR/<name>` combines them.
 
@@ -106,7 +107,7 @@ pub(crate) struct RunArgs {
     /// Continue a run that was stopped
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Run only the K-th of N shards, 1 <= K <= N
+    /// Divide the run into N shards and run only the K-th, 1 <= K <= N
     #[arg(long, value_name = "K/N")]
     pub(crate) shard: Option<Shard>,
     /// Number of worker threads on the CPU [default: one for each core]
@@ -133,10 +134,10 @@ pub(crate) struct CheckArgs {
 #[command(after_help = "\
 Times of a software adapter can only be compared with each other, so ratios are printed, each with the half-width of its 95 % interval. A round draws
 each picture once, in an order that is shuffled anew for each round. Rounds are added until the interval of each ratio of shading or geometry times,
-or of each share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios that are not known to 5 % by then are marked
+or of each share of wall-clock time, is at most 5 % wide on each side, or until SECONDS are spent. Ratios whose interval is still wider are marked
 as unstable.
 At the end, the patches that culling removes are counted in 32 pictures along a straight flight of 10 km. The same flight is made with simulated
-streaming of terrain nodes, at two speeds: how much of the ground is drawn too coarse in each kilometre, and after a teleport.
+streaming of terrain nodes, fast and slow: the share of the ground that is drawn too coarse is printed for each kilometre and after a teleport.
 
 Examples:
   experiments bench --size 960x540 --record notebooks-data/bench.csv
@@ -145,16 +146,16 @@ pub(crate) struct BenchArgs {
     /// Size of the pictures, pixels
     #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
     pub(crate) size: [u32; 2],
-    /// Smallest number of timed rounds; the median over the rounds is used. Fewer than 6 have no 95 % interval
+    /// Smallest number of timed rounds; the median over the rounds is used. With fewer than 6 rounds, there is no 95 % interval
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeats: u32,
-    /// Seconds after which no further round begins, for each camera: once for the times of passes, and once for times of the wall clock
+    /// Seconds after which no further round begins. The budget applies separately to each camera, and to times of passes and of the wall clock
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, allow_hyphen_values = true, value_parser = budget)]
     pub(crate) budget: f64,
     /// CSV file that receives the medians of the times and of their ratios, and the share of culled patches
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
-    /// Print the ratios, by camera and name, and the counts of culled patches as JSON
+    /// Print the ratios by camera and name, the counts of culled patches and the results of simulated streaming as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -184,8 +185,10 @@ Layers of --aov:
   fetches   texture fetches of the pixel
   choice    first random choice: 1 + splat texel + 4 x projection; 0 = none
   position  world position, metres
-  ddx       metres to the next pixel to the right, on the triangle's plane
-  ddy       metres to the next pixel below, on the triangle's plane
+  ddx       change of position to the next pixel on the right, on the triangle's plane, metres
+  ddy       change of position to the next pixel below, on the triangle's plane, metres
+  lod       LOD of the terrain node, 0 (finest) to 5; -1 = no terrain
+  stride    vertex stride of the patch, 1 to 16; 0 = no terrain
 
 Examples:
   experiments render --camera cliff --out cliff.png
@@ -199,7 +202,7 @@ pub(crate) struct RenderArgs {
     /// A camera of the scene
     #[arg(long, value_name = "NAME")]
     pub(crate) camera: Option<String>,
-    /// Camera position in metres (Z is elevation), compass bearing and degrees above the horizon
+    /// Camera position in metres (Z is elevation), compass bearing and angle above the horizon in degrees
     #[arg(long, value_name = "X,Y,Z,YAW,PITCH", allow_hyphen_values = true, value_parser = pose)]
     pub(crate) pose: Option<[f64; 5]>,
     /// A camera path of the scene
@@ -221,8 +224,8 @@ pub(crate) struct RenderArgs {
     /// Render the converged 96-fetch reference instead, with this many samples per pixel
     #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "generic", "estimator", "noise", "two-tilings"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub(crate) reference: Option<u32>,
-    /// Layers to write into the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only; each is explained
-    /// below)
+    /// Layers to write into the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy, lod, stride (.exr only; each
+    /// is explained below)
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true, value_parser = AOV_NAMES)]
     pub(crate) aov: Vec<String>,
     /// Output file: .exr or .png
@@ -236,8 +239,9 @@ pub(crate) struct RenderArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Reads 16-bit PNG, RAW (.raw, .r16, .bin: 16-bit integers; .r32: 32-bit floats), OpenEXR and (Geo)TIFF. Whatever a file says about its samples
-(unit, scale, offset, spacing, orientation, mask, no-data value) is applied, or the file is refused with a remedy. An option that does not apply
-to the file, or contradicts it, is an error. What was understood is printed at the end; --dry-run prints it and writes nothing.
+(unit, scale, offset, spacing, orientation, mask, no-data value) is applied. If this is impossible, the file is refused, and the message says how to
+fix it. An option that does not apply to the file, or contradicts it, is an error. What was understood is printed at the end; --dry-run prints it and
+writes nothing.
 
 Floats are metres, or lie in 0..1 and are mapped to --height-range. Integers need --height-range, unless a TIFF states their unit or scale.
 A value such as -9999 that the file does not declare, but that usually marks missing data, is refused until --no-data names or excludes it.
@@ -280,7 +284,7 @@ pub(crate) struct ImportArgs {
     /// Fill gaps (samples without data) with a smooth surface that meets the heights at the rim of each gap
     #[arg(long)]
     pub(crate) fill_voids: bool,
-    /// Make holes in the ground where samples have no data (at most 512 samples)
+    /// Make holes in the ground where samples have no data (at most 512 samples in total)
     #[arg(long, conflicts_with = "fill_voids")]
     pub(crate) holes: bool,
     /// Read only this part: left, top, width, height, in samples
@@ -314,7 +318,7 @@ Examples:
   experiments probe --list
   experiments probe octahedral --on f64 --input normals.csv --output decoded.csv")]
 pub(crate) struct ProbeArgs {
-    /// Shared function to evaluate
+    /// Name of the function to evaluate, from `probe --list`
     #[arg(value_name = "KERNEL", required_unless_present = "list")]
     pub(crate) kernel: Option<String>,
     /// Evaluate on the GPU, or with the reference in f32 or f64
@@ -326,7 +330,7 @@ pub(crate) struct ProbeArgs {
     /// Table to write: the columns of the input, then the results
     #[arg(long, value_name = "OUT.csv", required_unless_present = "list")]
     pub(crate) output: Option<PathBuf>,
-    /// Print kernels, columns, units
+    /// Print the functions (kernels) with their columns and units
     #[arg(long, conflicts_with_all = ["kernel", "input", "output"])]
     pub(crate) list: bool,
     /// Print the list as JSON
@@ -336,14 +340,15 @@ pub(crate) struct ProbeArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Fails if a result is not finite, if its error exceeds the derived tolerance, or if a number is outside its range;
-tables and report are written in any case. The table of extremes is a TOML file: copy experiments/src/stability/extremes.toml and edit it.
+The command fails if a result of a kernel is not finite or its error exceeds the derived tolerance, or if a measured property of directions,
+derivatives, hashes or noise is outside its range. Tables and report are written in any case. The table of extremes is a TOML file: copy
+experiments/src/stability/extremes.toml and edit it.
 
 Examples:
   experiments stability
   experiments stability --extremes mine.toml --out out/mine")]
 pub(crate) struct StabilityArgs {
-    /// Table of extremes [default: built in]
+    /// Table of the extreme values at which kernels are tested [default: built in]
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) extremes: Option<PathBuf>,
     /// Parts to measure, separated by commas [default: all; `kernels` with --extremes]
@@ -360,7 +365,7 @@ pub(crate) struct StabilityArgs {
 /// A part of the stability lab, which can be measured separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Part {
-    /// Kernels at extreme values, compared with f64
+    /// Functions of the shaders (kernels) at extreme values, compared with references in f64
     Kernels,
     /// Octahedral encodings of directions, and derivatives from stored planes
     Directions,
@@ -376,7 +381,7 @@ impl Part {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 The test is t and the reference is r, both in linear colour of Rec. 709. PNG and JPEG are decoded from sRGB, or as a PNG states by gAMA and cHRM.
-OpenEXR pictures are laid into their display windows (pixels without data are black), and their primaries are converted. Lines that begin with `note`
+OpenEXR pictures are placed in their display windows (pixels without data are black), and their primaries are converted. Lines that begin with `note`
 say what the metrics do not show, such as alpha or clamped values.
   flip  difference that a viewer sees when flipping between t and r, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
         pixels, quartiles in which each pixel is weighted by its error, and maximum

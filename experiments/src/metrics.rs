@@ -51,7 +51,8 @@ pub const GROUPS: u32 = 20;
 /// Limit of the number of frames whose perceived noise is measured. Filtering a frame in space takes longer than all its other measurements.
 const SEEN: u32 = 4;
 
-/// The memory of the eye is considered filled after `FILLED / adaptation` frames. For `adaptation`, see [`Sequence::is_memory_filled`].
+/// The memory of the eye ([`Sequence::is_seen`]) is considered filled after `FILLED / adaptation` frames. For `adaptation`, see
+/// [`Sequence::is_memory_filled`].
 const FILLED: f64 = 1.5;
 
 /// Which frames of a sequence are measured.
@@ -189,7 +190,7 @@ metrics! {
     BIAS_SQUARED = "bias_squared", "linear albedo^2", Seeds, None, Albedo,
         "Unbiased estimate of the mean square, over areas of 16 x 16 pixels, of an area's bias; it may be negative.";
     BIAS_SQUARED_P = "bias_squared_p", "1", Seeds, None, Albedo,
-        "Probability of a `bias_squared` at least as large as the measured one, if there is no bias, by random signs.";
+        "Probability of a `bias_squared` at least as large as the measured one, if there is no bias; computed with random signs.";
     VARIANCE = "variance", "linear albedo^2", Seeds, None, Albedo,
         "Unbiased variance over seeds, mean over pixels and channels.";
     VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None, Albedo,
@@ -225,7 +226,7 @@ metrics! {
     ADDED = "added", "linear luminance", Frames, Lag, Each,
         "The part of the changes that the reference sequence does not have, such as noise; root mean square.";
     LOST = "lost", "linear luminance", Frames, Lag, Each,
-        "The part of the reference sequence's changes that is missing, such as by blur; root mean square, below 0 if changes are exaggerated.";
+        "The part of the reference sequence's changes that is missing, such as after a blur; root mean square, below 0 if changes are exaggerated.";
     PERCEIVED_NOISE = "perceived_noise", "linear luminance", Frames, None, Each,
         "Error against the reference sequence after the eye's filters in time, along exact motion, and in space; root mean square.";
     INVALID_PX = "invalid_px", "px", Picture, None, Each,
@@ -272,7 +273,7 @@ pub fn companion_of(name: &str) -> Option<&'static str> {
 
 /// Name of the pass that shades. Its times decide how long a run measures times.
 pub const SHADING_PASS: &str = "shading";
-/// The passes that all choices of a setting share: they are drawn once in each round, and their times are stored with one of the choices.
+/// The passes that do not depend on how pixels are shaded. They are drawn once in each round of timing, and their times are stored with one variant.
 pub const SHARED_PASSES: [&str; 2] = ["geometry", "occlusion"];
 /// Name of the metric that is the device time of the shading pass.
 pub const SHADING_TIME: &str = "gpu_ms:shading";

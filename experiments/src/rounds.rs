@@ -7,8 +7,8 @@
 //! Two times of the same round give a ratio. The estimate of a ratio is the median over the rounds. It changes little if another process slows down
 //! single pictures, even if this happens more often to one candidate than to another. The 95 % interval of the median lies between two order
 //! statistics of the ratios. It requires that the rounds are independent, and makes no assumption about the distribution of the ratios. (The
-//! Hodges-Lehmann estimate needs half as many rounds if the distribution of the ratios is symmetric. But a longer picture is disturbed more often
-//! than a shorter one. The distribution is then not symmetric, and the Hodges-Lehmann interval contains the true ratio too seldom.)
+//! Hodges-Lehmann estimate needs half as many rounds if the distribution of the ratios is symmetric. But a picture that takes longer to draw is
+//! disturbed more often. The distribution is then not symmetric, and the Hodges-Lehmann interval contains the true ratio too seldom.)
 //!
 //! Rounds are added until the intervals are narrow enough or a budget of time is spent. The number of rounds therefore depends on the clock. This is
 //! acceptable, because times never repeat exactly. The clock is an argument of [`measure`], so that tests can control it.
@@ -20,14 +20,15 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use kernels::shared::hash::pcg4d;
 
-/// Half-width of a 95 % confidence interval of a normal mean, in standard errors.
+/// Half-width of the 95 % confidence interval of a normally distributed estimate, in standard errors.
 pub(crate) const NORMAL_95: f64 = 1.96;
 /// Largest half-width of the 95 % interval of a stable time or ratio, relative to its value.
 pub(crate) const STABLE: f64 = 0.05;
-/// Smallest number of rounds for which a 95 % interval of a median exists. The smallest and the largest of five values enclose the median with a
-/// probability of only 93.75 %.
+/// Smallest number of rounds for which a 95 % interval of a median exists. The smallest and the largest of five values enclose the true median with
+/// a probability of only 93.75 %.
 pub(crate) const LEAST: u32 = 6;
-/// Limit of the number of rounds. It has an effect only if the rounds are very short or the clock does not advance.
+/// Limit of the number of rounds. It has an effect only if the rounds are very short compared with the budget of time, or if the clock does not
+/// advance.
 const MOST: u32 = 1000;
 /// Largest accepted probability that the true median lies below the interval. The same limit applies above the interval.
 const TAIL: f64 = 0.025;
@@ -70,15 +71,15 @@ impl Estimate {
 }
 
 /// Whether a time or a ratio of times may be used in Pareto fronts, verdicts and sentences: the half-width of its 95 % interval is at most [`STABLE`]
-/// of its value. A value without a standard error may not be used.
+/// times its value. A value without a standard error may not be used.
 pub(crate) fn is_stable(value: f64, standard_error: Option<f64>) -> bool {
     // The factor 1 + 1e-9 allows for rounding: a time must be stable if `measure` stopped because its half-width is exactly `STABLE`. A value of NaN
     // is not stable.
     standard_error.is_some_and(|error| NORMAL_95 * error <= STABLE * value * (1.0 + 1e-9))
 }
 
-/// Returns the rank r for which the r-th smallest and the r-th largest of `count` values enclose the median with a probability of at least 95 %: the
-/// largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most
+/// Returns the rank r for which the r-th smallest and the r-th largest of `count` values enclose the true median with a probability of at least 95 %:
+/// the largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most
 /// [`MOST`].
 fn rank(count: usize) -> Option<usize> {
     // The probability of no head in 1000 throws is 9e-302. This is a normal f64 number, so the recurrence below starts with full precision.
@@ -99,12 +100,12 @@ fn rank(count: usize) -> Option<usize> {
 /// Identifies a time: the index of a candidate, and the name of a pass.
 pub(crate) type Key<'a> = (usize, &'a str);
 
-/// The times of all candidates and passes: for each round that was timed, milliseconds above 0.
+/// The valid times of each candidate and pass, by round, in milliseconds. A time is valid if it is above 0 and finite.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Samples(BTreeMap<(usize, String), BTreeMap<u32, f64>>);
 
 impl Samples {
-    /// Adds a time of a round. A time that is not above 0, or not finite, is not a valid measurement and is left out.
+    /// Adds a time of a round. A time that is not valid is left out.
     fn add(&mut self, round: u32, timed: Timed) {
         if timed.ms > 0.0 && timed.ms.is_finite() {
             self.0.entry((timed.candidate, timed.pass)).or_default().insert(round, timed.ms);
@@ -186,10 +187,10 @@ pub(crate) struct Timed {
     pub(crate) ms: f64,
 }
 
-/// Draws at least `plan.least` and at most [`MOST`] timed rounds. In between, it stops when the interval of each wanted number is at most [`STABLE`]
-/// wide on each side, or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called before each picture.
-/// `draw` draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any, and there is no second
-/// round.
+/// Draws at least `plan.least` and at most [`MOST`] timed rounds. Between these limits, it stops when the relative half-width of each number in
+/// `plan.wanted` is at most [`STABLE`], or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called
+/// before each picture. `draw` draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any,
+/// and there is no second round.
 ///
 /// # Errors
 /// `draw` fails.
@@ -300,17 +301,17 @@ mod tests {
         Normal,
         /// Heavy tails: the logarithm has Student's distribution with 2 degrees of freedom, and a scale of 3 %.
         Heavy,
-        /// Log-normal with 2 %, and a neighbour that is busy in 15 % of the pictures, independently for each picture.
+        /// Log-normal, with a standard deviation of 2 %. The neighbour is busy in 15 % of the pictures, independently for each picture.
         Neighbour,
-        /// Log-normal with 2 %, and a neighbour that is busy for several pictures: before each picture, it changes its state with a probability of 10
-        /// %.
+        /// Log-normal, with a standard deviation of 2 %. The neighbour is busy or idle for several pictures: before each picture, it changes its
+        /// state with a probability of 10 %.
         Bursts,
     }
 
     const SCATTERS: [Scatter; 4] = [Scatter::Normal, Scatter::Heavy, Scatter::Neighbour, Scatter::Bursts];
 
     impl Scatter {
-        /// Returns the factor of the next picture. `is_busy` is the state of the neighbour.
+        /// Returns the factor by which the true time of the next picture is multiplied. `is_busy` is the state of the neighbour.
         fn factor(self, random: &mut Random, is_busy: &mut bool) -> f64 {
             let z = normal(random);
             let spread = match self {
@@ -380,8 +381,9 @@ mod tests {
         // H0: all orders are equally likely. Each of 120 orders occurs 8.3 times on average. One of them is missing with a probability of
         // 120 exp(-8.3) = 3 %, and three with a probability of less than 1e-5.
         assert!(seen.len() >= 118, "{} orders", seen.len());
-        // A candidate is first in 200 of 1000 rounds, with a standard deviation of 12.6. A pair of neighbours has the same probability. There are 25
-        // such numbers; four standard deviations leave a level of 0.2 % for all of them together.
+        // A candidate is first in 200 of 1000 rounds on average, with a standard deviation of 12.6. A candidate also follows directly after another
+        // given candidate in 200 rounds on average. There are 25 such numbers; four standard deviations leave a level of 0.2 % for all of them
+        // together.
         let pairs = (0..CANDIDATES).flat_map(|a| (0..CANDIDATES).map(move |b| (a, b))).filter(|(a, b)| a != b);
         for count in first.into_iter().chain(pairs.map(|(a, b)| after[a][b])) {
             assert!((150..=250).contains(&count), "{first:?} {after:?}");
@@ -409,7 +411,8 @@ mod tests {
     #[test]
     fn restless_times_are_measured_until_the_budget_is_spent() {
         let mut random = Random(5);
-        // The clock counts pictures, so a round of 3 candidates takes 3 s. Times between 10 and 100 ms are never stable.
+        // The clock counts pictures, so a round of 3 candidates takes 3 s. Times that are drawn at random from 10 to 100 ms give no stable ratios
+        // within the budget.
         let mut restless = |_: Turn| random.between(10.0, 100.0);
         let (samples, turns) = simulate(3, 60.0, 1, &mut restless);
         assert_eq!(turns.len(), 3 * (1 + 20), "the first round is not part of the budget");
@@ -489,7 +492,7 @@ mod tests {
     #[test]
     fn neither_a_drift_nor_a_neighbour_in_the_order_moves_an_estimate() {
         let mut random = Random(17);
-        // The machine becomes slower by 1 % with each picture.
+        // With each picture, all times grow by 1 % of their initial values.
         let mut pictures = 0.0;
         let (samples, _) = simulate(4, ENOUGH_S, 3, &mut |turn| {
             pictures += 1.0;
@@ -499,8 +502,8 @@ mod tests {
             let found = ratio(&samples, candidate);
             assert!((found.value / (candidate + 1) as f64 - 1.0).abs() < 0.03 && found.is_stable(), "drift: {found:?}");
         }
-        // A picture that follows the last candidate takes 30 % longer, because its textures are not in the cache. In a fixed order, this would always
-        // be the first candidate.
+        // A picture that is drawn directly after candidate 3 takes 30 % longer, because its textures are not in the cache. In a fixed order, this
+        // would always be candidate 0.
         let mut before = 0;
         let (samples, _) = simulate(4, ENOUGH_S, 3, &mut |turn| {
             let is_cold = before == 3;

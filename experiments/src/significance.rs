@@ -19,7 +19,8 @@ pub const SMALLEST_PROBABILITY: f64 = 1.0 / (DRAWS as f64 + 1.0);
 
 /// Number of grids of areas. The areas of each grid are twice as wide and twice as high as those of the grid before it.
 const GRIDS: usize = 3;
-/// A grid of larger areas is used only if the numbers vary in at least this many of its areas. With fewer areas, its standard error is too uncertain.
+/// A grid of larger areas is used only if the sums of at least this many of its areas vary over seeds. With fewer areas, its standard error is too
+/// uncertain.
 const LEAST_AREAS: usize = 30;
 /// Number of sums per area whose signs are drawn at random. If there are more seeds than this, several seeds share a sum.
 const GROUPS: usize = 8;
@@ -127,8 +128,8 @@ impl Areas {
         }
     }
 
-    /// Adds one seed. `sums` has two numbers for each area, row by row: the sum of the area's numbers, and how many there are. If several frames
-    /// share their seeds, the caller first adds up the sums of all frames of a seed.
+    /// Adds one seed. `sums` has a pair for each area, row by row: the sum of the area's numbers, and their count. If several frames share their
+    /// seeds, the caller first adds up the sums of all frames of a seed.
     pub fn add(&mut self, sums: impl Iterator<Item = [f64; 2]>) {
         let group = self.seeds as usize % GROUPS;
         self.seeds += 1;
@@ -180,9 +181,9 @@ impl Areas {
         [sum / seeds, sum * sum * (seeds - 1.0) / squares]
     }
 
-    /// Returns an unbiased estimate of the mean square of the areas' means. Each area is weighted by the square of its number of values. Biases of
-    /// opposite signs cancel in the mean, but not in this estimate. The estimate may be negative. Its standard error is valid if the expected mean of
-    /// each area is 0. `None` for fewer than two seeds, or if there are no numbers.
+    /// Returns an unbiased estimate of the mean square of the areas' expected means. Each area is weighted by the square of its number of values.
+    /// Biases of opposite signs cancel in the mean, but not in this estimate. The estimate may be negative. Its standard error is valid if the
+    /// expected mean of each area is 0. `None` for fewer than two seeds, or if there are no numbers.
     pub fn mean_square(&self) -> Option<Mean> {
         let seeds = f64::from(self.seeds);
         let [finest, ..] = &self.grids;
@@ -338,7 +339,7 @@ mod tests {
         let one = areas([3, 2], &[vec![1.0; 6]]);
         assert_eq!(one.mean(), Mean { value: 1.0, standard_error: None, freedom: None });
         assert_eq!((one.mean_square(), one.probability()), (None, None));
-        // Equal seeds have no scatter, so the standard error is 0 and has no degrees of freedom.
+        // If all seeds give equal numbers, there is no scatter, so the standard error is 0 and has no degrees of freedom.
         let equal = areas([3, 2], &[vec![1.0; 6], vec![1.0; 6]]);
         assert_eq!(equal.mean(), Mean { value: 1.0, standard_error: Some(0.0), freedom: None });
         // Only sky: there are no numbers, and all sums are 0.
@@ -373,11 +374,11 @@ mod tests {
         let correlated = seeds(2);
         let found = areas([16, 8], &correlated).mean().standard_error.expect("four seeds");
         assert!(near(found, 2.0 * of_single(&correlated)), "{found}, {}", of_single(&correlated));
-        // With two rows less there are only 8 x 3 larger areas, which is not enough.
+        // With two rows fewer, there are only 8 x 3 larger areas, which is not enough.
         let fewer: Vec<Vec<f64>> = correlated.iter().map(|sums| sums[..96].to_vec()).collect();
         let found = areas([16, 6], &fewer).mean().standard_error.expect("four seeds");
         assert!(found < 1.2 * of_single(&correlated) * 128.0 / 96.0, "{found}");
-        // Independent numbers: the larger areas vary by chance at most a little more.
+        // If the numbers are independent, the standard error from larger areas is greater only by chance, and only a little.
         let independent = seeds(1);
         let ratio = areas([16, 8], &independent).mean().standard_error.expect("four seeds") / of_single(&independent);
         assert!((0.999..1.3).contains(&ratio), "{ratio}");
@@ -405,7 +406,7 @@ mod tests {
             assert_eq!((opposite.mean().value, opposite.probability()), (0.0, Some(SMALLEST_PROBABILITY)), "{count} seeds");
             assert!(opposite.mean_square().is_some_and(|square| near(square.value, 1.0)), "{count} seeds");
         }
-        // Two seeds with opposite numbers have the smallest possible sum, which is 0, so every pattern is at least as large.
+        // Two seeds with opposite numbers have the smallest possible sum of squares, which is 0. The sum of every other pattern is at least as large.
         let zero = areas([40, 1], &[vec![1.0; 40], vec![-1.0; 40]]);
         assert_eq!(zero.probability(), Some(1.0));
         // If the random signs are independent, the probabilities of 2000 sets of random numbers are uniform.

@@ -1,4 +1,4 @@
-//! The terrain rendering of *Far Cry 5*, built for measurements: every stage of the frame, its shaders, and their f64 references.
+//! The terrain rendering of *Far Cry 5*, built for measurements: the stages of the frame, their shaders, and f64 references.
 //!
 //! A [`scene`] describes the terrain, its materials and the light. A [`Renderer`] prepares a scene for a [`Gpu`], and a [`RenderRequest`] describes
 //! one picture of the scene. [`Renderer::draw`] returns a [`Frame`], which can be read back, measured, composed or inspected.

@@ -109,7 +109,7 @@ fn a_steep_gradient_is_reduced_and_keeps_its_direction() {
     for direction in [[1.0_f64, 0.0, 0.0], [0.6, -0.8, 0.0]] {
         let reduced = triplanar::perturb(up, scale(direction, 1e6 / direction[0].abs().max(direction[1].abs())));
         assert!(largest_difference(triplanar::perturb(up, scale(direction, 1e9)), reduced) < 1e-15, "{direction:?}");
-        // A slope of 1e6 leaves a vertical component of 1e-6 times the larger horizontal one.
+        // The larger component of the gradient is reduced to 1e6. So the vertical component of the normal is 1e-6 times the larger horizontal one.
         let horizontal = reduced[0].abs().max(reduced[1].abs());
         assert!((reduced[2] / horizontal - 1e-6).abs() < 1e-15, "{reduced:?}");
     }
@@ -192,12 +192,12 @@ fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
 }
 
 /// Returns the finest scale, -4 to 16, along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per
-/// metre. Within the limits, a cell of the finest scale is 16 or 32 steps of f32 wide, where the step is that of `largest`.
+/// metre. Within the limits, a cell of the finest scale is 16 or 32 times as wide as the difference between `largest` and the next larger f32.
 fn finest(largest: f64) -> i32 {
     (FINEST_AT_1_M - largest.abs().log2().round() as i32).clamp(-4, 16)
 }
 
-/// The finest scale if `largest` is 1 m, before it is limited: a cell is 16 steps of 2^-23 m wide, which is 2^-19 m.
+/// The finest scale if `largest` is 1 m, before it is limited: the next larger f32 is 2^-23 m away, and a cell is 16 times as wide, 2^-19 m.
 const FINEST_AT_1_M: i32 = 19;
 
 /// The level of a cell `width` metres wide is log2 of cells per metre. Returns the whole number below it, which is the coarser of the two blended

@@ -274,7 +274,7 @@ fn the_bounds_of_a_patch_hold_its_vertices() {
                 (0..17 * 17).map(|i| world.elevation_m(payload.height[(16 * row + i / 17) * 129 + 16 * column + i % 17])).collect();
             let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|of| heights.iter().copied().reduce(of).expect("vertices"));
             assert_eq!(patch.height_m, ends, "{:?}, patch {index}", payload.id);
-            // Other vertices would change a hole, so a patch with a hole must be drawn with all of its vertices.
+            // With fewer vertices, a hole would have a different outline, so a patch with a hole must be drawn with all of its vertices.
             let spacing = world.layout().spacing_m(payload.id.lod);
             let place = |i: usize| {
                 payload.id.origin_m(world.layout()) + DVec2::new((16 * column + i % 17) as f64, (16 * row + i / 17) as f64) * spacing

@@ -273,7 +273,8 @@ fn filled(sums: &FrameSums) -> Vec<(usize, u32)> {
 
 #[test]
 fn a_history_is_rejected_beyond_a_rounding_of_the_box() {
-    // In f16, 1 + 2^-10 is the number after 1, and 1 - 2^-10 is two numbers before 1. Both are exactly at the tolerance of a box around 1.
+    // In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second number below 1. If all values of the box are 1, both are
+    // exactly at the limit of the tolerance.
     let step = 2.0_f32.powi(-10);
     let links: Vec<u32> = (0..16).collect();
     for (history, rejected) in [(1.0, 0), (1.0 + step, 0), (1.0 - step, 0), (1.0 + 2.0 * step, 4), (1.0 - 1.5 * step, 4), (100.0, 4)] {

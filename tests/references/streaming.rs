@@ -58,7 +58,7 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
     for round in 0..2000u32 {
         let view = view_at([random.between(-5500.0, 5500.0), random.between(-5500.0, 5500.0)], random.between(0.0, 6.0));
         let settled = select(&world, &view, |_| true);
-        // In turn: each node has arrived with some probability; coarse nodes have arrived and fine nodes have not; some whole subtrees have arrived.
+        // Three cases alternate: each node has arrived with some probability; only coarse nodes have arrived; some whole subtrees have arrived.
         let (chance, salt, coarsest) = (random.between(0.5, 1.0), random.below(1 << 20), random.below(6) as u8);
         let is_available = |node: NodeId| match round % 3 {
             0 => Random(u64::from(node.lod) << 40 | u64::from(node.x) << 20 | u64::from(node.y) ^ salt as u64).between(0.0, 1.0) < chance,
@@ -71,7 +71,7 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
         assert!(selection.visited.iter().all(|node| is_root(node) || is_available(*node)), "a node was visited before it arrived");
         let [visited, all] = [set(&selection.visited), set(&settled.visited)];
         let wanted: BTreeSet<NodeId> = selection.wanted.iter().map(|wanted| wanted.node).collect();
-        // Each node that is visited when everything has arrived is either visited or wanted. All nodes have the same bounds here.
+        // Each node that is visited when everything has arrived is either visited or wanted, because all nodes have the same bounds here.
         assert!(wanted.is_disjoint(&visited) && wanted.len() == selection.wanted.len(), "each node is wanted once");
         assert_eq!(wanted.union(&visited).copied().collect::<BTreeSet<_>>(), all);
         assert!(selection.wanted.iter().all(|wanted| wanted.is_available == is_available(wanted.node)));
@@ -93,10 +93,10 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
     assert_eq!(lag(&select(&world, &view_at([0.0; 2], 0.0), |_| true)), Lag::default());
 }
 
-/// A schedule, for tests.
+/// A schedule that several tests use.
 const SCHEDULE: Schedule = Schedule { nodes_per_frame: 6, latency_frames: 4 };
 
-/// Makes a frame: selects from the nodes that have arrived, and requests those that are missing.
+/// Simulates a frame: selects from the nodes that have arrived, and requests some of those that are missing.
 fn frame(world: &World, arrivals: &mut Arrivals, view: &View) -> Selection {
     let arrived = arrivals.arrived().clone();
     let selection = select(world, view, |node| arrived.contains(&node));
@@ -112,7 +112,7 @@ fn streamed_nodes_arrive_on_schedule_and_the_picture_settles() {
         let start = view_at([0.0, 0.0], 0.0);
         let mut arrivals = Arrivals::new(SCHEDULE, select(&world, &start, |_| true).visited);
         assert_eq!(lag(&frame(&world, &mut arrivals, &start)), Lag::default(), "everything has arrived before the first frame");
-        // A teleport.
+        // The camera teleports.
         let view = view_at([random.between(-5000.0, 5000.0), random.between(-5000.0, 5000.0)], random.between(0.0, 6.0));
         let settled = select(&world, &view, |_| true);
         // The requests of the last frames, the oldest first.
@@ -127,7 +127,7 @@ fn streamed_nodes_arrive_on_schedule_and_the_picture_settles() {
                 break;
             }
             frames += 1;
-            // What should be requested: the first nodes in the stated order that are not on their way.
+            // The expected requests: of the wanted nodes that have neither arrived nor been requested, the 6 most urgent.
             let mut wanted: Vec<&Wanted> =
                 selection.wanted.iter().filter(|w| !w.is_available && !requests.iter().any(|nodes| nodes.contains(&w.node))).collect();
             wanted.sort_by(|a, b| {
@@ -142,13 +142,13 @@ fn streamed_nodes_arrive_on_schedule_and_the_picture_settles() {
             assert_eq!(arrivals.pending(), requests.iter().map(BTreeSet::len).sum::<usize>());
             assert!(arrivals.arrived().len() <= CAPACITY as usize && NodeId::roots().all(|root| arrivals.arrived().contains(&root)));
         }
-        // All nodes of the view are requested at 6 per frame, and the last arrive 4 frames later.
+        // The nodes of the view that are missing are requested, 6 per frame. The last of them can be drawn 4 frames after their request.
         let fewest = settled.visited.len().saturating_sub(25 + start_nodes(&world, &start, &settled)).div_ceil(6) + 3;
         assert_eq!(frames, fewest, "round {round}: {} nodes", settled.visited.len());
     }
 }
 
-/// Number of the visited nodes, without the roots, that a start at `start` has already loaded.
+/// Number of the nodes, without the roots, that both the view `start` and the selection `settled` visit.
 fn start_nodes(world: &World, start: &View, settled: &Selection) -> usize {
     let first = set(&select(world, start, |_| true).visited);
     settled.visited.iter().filter(|node| node.lod < 5 && first.contains(node)).count()
@@ -159,11 +159,11 @@ fn nodes_that_were_visited_recently_are_kept() {
     let world = built_in_world();
     let here = view_at([100.0, 100.0], 0.0);
     let mut arrivals = Arrivals::new(SCHEDULE, select(&world, &here, |_| true).visited);
-    // A step away and back within the room that the atlases have left requests nothing twice.
+    // The camera moves a little and returns. The atlases have room for the nodes of both places, so no node of the first place is replaced.
     let there = view_at([164.0, 100.0], 0.0);
     while !frame(&world, &mut arrivals, &there).wanted.is_empty() {}
     assert_eq!(lag(&frame(&world, &mut arrivals, &here)), Lag::default());
-    // After a flight to the other end of the world, the nodes of the start are replaced, those least recently used first.
+    // During a flight of 4 km, the nodes of the start are replaced, because they are the least recently visited.
     for step in 0..400 {
         frame(&world, &mut arrivals, &view_at([100.0 + 10.0 * f64::from(step), 100.0], 0.0));
         assert!(arrivals.arrived().len() <= CAPACITY as usize);
@@ -174,7 +174,8 @@ fn nodes_that_were_visited_recently_are_kept() {
 
 #[test]
 fn arrivals_never_replace_nodes_of_the_last_frame() {
-    // A world in which more is wanted than fits: two cameras far apart take turns. In each frame, the nodes that this frame visited stay.
+    // Two cameras that are far apart take turns. Together they need more nodes than fit into the atlases. The nodes that a frame has visited must not
+    // be replaced at the end of this frame.
     let world = built_in_world();
     let views = [view_at([-3000.0, -3000.0], 0.0), view_at([3000.0, 3000.0], 0.0)];
     let mut arrivals = Arrivals::new(Schedule { nodes_per_frame: 64, latency_frames: 1 }, []);

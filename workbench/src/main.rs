@@ -34,7 +34,7 @@ struct Args {
     #[arg(long, value_name = "FOLDER")]
     shaders: Option<PathBuf>,
     /// Steps to carry out before the picture of --screenshot is drawn, separated by `;`: `click NAME`, `key KEY`, `set NAME = VALUE`,
-    /// `type NAME = TEXT`, `open FILE`, `frames N`, `warm`. Time stays at frame 0 and advances only with `frames N`, or by one frame with
+    /// `type NAME = TEXT`, `open FILE`, `frames N`, `warm`. Time begins at frame 0 and advances only with `frames N`, or by one frame with
     /// `key Period` or `click Step`
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,

@@ -192,7 +192,7 @@ impl Workbench {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
                 ui.colored_label(ui.visuals().error_fg_color, error)
-                    .on_hover_text("The edited shaders are not in use until this error is fixed");
+                    .on_hover_text("The shader files, as they are now, are not in use. Correct and save them to use them.");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),

@@ -1,5 +1,5 @@
 //! `bench`: measures times on the built-in world, and counts the patches that culling removes on a flight of 10 km. Prints ratios of times and the
-//! share of removed patches, each next to the target of the project.
+//! share of removed patches, each next to the target of the project. Then simulates streaming of terrain nodes on the same flight.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -47,7 +47,7 @@ const MEASURING: &str = "measuring (wall clock)";
 /// an adapter without timestamps.
 const DECIDING: &str = "deciding what is drawn";
 
-/// Whether a pass is measured in the rounds of the wall clock.
+/// Whether a time is measured in the rounds for wall-clock times.
 fn is_wall_clock(pass: &str) -> bool {
     [FRAME, READING, MEASURING, DECIDING].contains(&pass)
 }
@@ -59,9 +59,9 @@ const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
 
-/// The candidate without tests of patches, except the frustum test with the heights of the node.
+/// The candidate that culls patches only by the frustum test, with the range of heights of their node.
 const FRUSTUM_ONLY: &str = "frustum only";
-/// The candidate with a geometry error of half a pixel.
+/// The candidate with an accepted geometry error of half a pixel.
 const HALF_A_PIXEL: &str = "geometry error of half a pixel";
 /// The sum of the device times of the passes of geometry and occlusion culling.
 const GEOMETRY: &str = "geometry and occlusion";
@@ -97,7 +97,7 @@ fn candidates() -> Vec<Candidate> {
 
 /// A ratio of two times that is printed.
 struct Ratio {
-    /// Name in the answer of `--json`.
+    /// Name in the output of `--json`.
     name: &'static str,
     /// Name in the text.
     words: &'static str,
@@ -121,7 +121,7 @@ const fn share(name: &'static str, words: &'static str, of: &'static str, over: 
     Ratio { name, words, of: (AUTO, of), over: (AUTO, over), target, is_share: true }
 }
 
-/// Returns the geometry time of `auto`, divided by that of a candidate with less culling.
+/// Returns the ratio of the geometry time of `auto` to that of a candidate with less culling.
 const fn geometry(name: &'static str, words: &'static str, over: &'static str, target: &'static str) -> Ratio {
     Ratio { name, words, of: (AUTO, GEOMETRY), over: (over, GEOMETRY), target, is_share: false }
 }
@@ -252,8 +252,8 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     })
 }
 
-/// Share of the duration of computing perceived noise that is added to the time of each frame. Perceived noise is measured in at most 4 frames of a
-/// sequence, which are a quarter of a sequence of 16 measured frames.
+/// The time of each frame includes this share of the time that perceived noise takes. The reason is that perceived noise is measured in at most 4
+/// frames of a sequence, which are a quarter of 16 measured frames.
 const SHARE_SEEN: f64 = 0.25;
 
 /// Measures four durations for each frame: rendering the frame with automatically chosen variants, the part of it that decides what is drawn, reading
@@ -488,7 +488,7 @@ mod tests {
             assert!(!ratio.is_wall_clock() || ratio.keys().is_some_and(|keys| keys.iter().all(|(candidate, _)| *candidate == 0)));
         }
         assert_eq!(candidates()[0].name, AUTO);
-        // Rounds are drawn for all ratios but the share of classification.
+        // All ratios except the share of classification decide how many rounds are drawn.
         assert_eq!(wanted(|ratio| !ratio.is_share).len() + wanted(Ratio::is_wall_clock).len(), RATIOS.len() - 1);
     }
 

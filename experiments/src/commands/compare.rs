@@ -159,8 +159,10 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
         if let (Metric::Flip, Some(flip)) = (metric, &answer.flip) {
             let [low, middle, high] = flip.weighted_quartiles;
             let _ = writeln!(text, "  at {} pixels per degree; maximum {:.6}", flip.pixels_per_degree, flip.max);
-            let _ =
-                writeln!(text, "  weighted quartiles {low:.6} {middle:.6} {high:.6}: below them lie 1/4, 1/2, 3/4 of the sum of errors");
+            let _ = writeln!(
+                text,
+                "  weighted quartiles {low:.6} {middle:.6} {high:.6}: smaller errors make up 1/4, 1/2, 3/4 of the sum of errors"
+            );
         }
     }
     if let Some(file) = answer.map {

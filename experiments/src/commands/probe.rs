@@ -33,8 +33,8 @@ struct Table {
     rows: Vec<csv::StringRecord>,
     /// The values of the probe's input columns, row by row. Their order is that of the probe's list of columns.
     values: Vec<f64>,
-    /// Descriptions of how the table differs from the standard form, which is UTF-8 with commas between cells and decimal points; empty if it does
-    /// not differ.
+    /// Descriptions of how the table differs from the standard form, which is UTF-8 text with decimal points, and with commas between
+    /// cells; empty if it does not differ.
     differs: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         bail!("--output {} is the input, which would be lost: give a different file", output.display());
     }
     let table = read(input, probe)?;
-    // Each result is written with as few digits as possible, so that it is read back as the same number in the precision of the evaluation.
+    // Each result is written with the fewest digits from which the same number is read back in the precision of the evaluation.
     #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
     let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
     let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         return Ok(());
     }
     let (read, written) = (input.display(), output.display());
-    print(&format!("{read} was read with {}; {written} has commas between cells and decimal points\n", table.differs.join(", ")))
+    print(&format!("{read} was read with {}; {written} has decimal points, and commas between cells\n", table.differs.join(", ")))
 }
 
 fn list(json: bool) -> Result<()> {

@@ -223,7 +223,8 @@ fn sample_point(i: u32) -> [f64; 2] {
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums over the samples, for the layers that are averaged. The sums are in f64, so that sums of thousands of samples stay accurate.
+/// Sums over the samples: of the colours, which are averaged, and of the times of passes. The sums are in f64, so that sums of thousands of samples
+/// stay accurate.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,

@@ -73,7 +73,7 @@ impl Session {
         if done < all {
             let imported = run.imported();
             let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
-            // A run has few parts, and each part takes long. The bar therefore shows a percentage of the work, not a number of parts.
+            // A run has few parts, and each part takes a long time. The bar therefore shows a percentage of the work, not a number of parts.
             let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
             let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
             self.reporter.finish();

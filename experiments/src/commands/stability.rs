@@ -102,8 +102,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the finding with its errors rounded to three significant digits. Two recorded tables then differ only if the kernels differ: rounding
-/// errors in the last digits do not change them.
+/// Returns the finding with its errors rounded to three significant digits. Small differences between devices in the last digits then
+/// rarely change the recorded table.
 fn shortened(finding: &Finding) -> Finding {
     let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
     Finding {

@@ -46,7 +46,7 @@ pub struct Definition {
     pub moving_views: Vec<MovingView>,
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Number of frames of each sequence, at least 1. Time is measured in frames, not by a clock.
+    /// Number of frames of each sequence, at least 1. The time within a sequence is the frame number, not that of a clock.
     pub frames: u32,
     /// Number of frames at the start of each sequence that are drawn, but not measured; less than `frames`. Temporal resolves need them, because a
     /// sequence begins without history. Videos contain these frames.
@@ -74,14 +74,15 @@ pub struct Definition {
     /// Settings of the scene and of the frame that apply to the whole run, such as `"flavours.cliff_near_m" = 20.0`.
     #[serde(default, rename = "set", skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, toml::Value>,
-    /// Names of the metrics that are measured; empty = all metrics for which `seeds` and `frames` suffice. Times are requested by `times` instead.
+    /// Names of the metrics that are measured; empty = all metrics for which `seeds` and `frames` suffice. Device times are requested by `times`
+    /// instead.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
     /// The signals that are measured: `albedo`, and `lit` for the lit picture as a screen shows it, with the exposure and the tone curve of the
     /// settings `frame.exposure` and `frame.tone_curve`.
     #[serde(default = "default_signals")]
     pub signals: Vec<String>,
-    /// How the pictures are looked at. The metric `perceived_noise` and the command lines of `video` depend on it.
+    /// The conditions under which the pictures are viewed. The metric `perceived_noise` and the command lines of `video` depend on it.
     #[serde(default)]
     pub viewing: Viewing,
     /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are stored for
@@ -94,9 +95,9 @@ pub struct Definition {
     /// Which combinations of variant, estimator and noise are timed.
     #[serde(default)]
     pub times: Times,
-    /// Limit of the seconds for which a part of the run measures times, above 0 and at most 86400. A part stops earlier if the 95 % interval of each
-    /// ratio of shading times is at most 5 % wide on each side (if the part times only one picture, the interval of its shading time). A part always
-    /// measures at least six pictures of each variant, and warms up before the seconds begin to count.
+    /// Largest number of seconds for which a part of the run measures times, above 0 and at most 86400. A part stops earlier if the 95 % interval of
+    /// each ratio of shading times is at most 5 % wide on each side (if the part times only one picture, the interval of its shading time). A part
+    /// always measures at least six pictures of each variant, and the seconds do not include its warm-up.
     #[serde(default = "default_times_budget_s")]
     pub times_budget_s: f64,
     /// Changes of the definition that make `check` quick.
@@ -138,7 +139,7 @@ fn default_times_budget_s() -> f64 {
     TIMES_BUDGET_S
 }
 
-/// How the pictures are looked at.
+/// The conditions under which the pictures are viewed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Viewing {
@@ -437,8 +438,8 @@ impl Definition {
         small
     }
 
-    /// Returns a copy that contains only what affects the measured numbers: without the question, the analysis, the expectations, `small` and the
-    /// folder of the definition.
+    /// Returns a copy without the question, the analysis, the expectations, `small` and the folder of the definition, which do not affect the
+    /// measured numbers.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),

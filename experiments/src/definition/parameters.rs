@@ -107,7 +107,7 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
-    /// Options for reading the heightmap, materials, and added relief.
+    /// Options for reading the heightmap, for the materials, and for added relief.
     pub(crate) options: ImportOptions,
 }
 

@@ -497,7 +497,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
         at.key("claim").fail("is empty: say in a sentence what is expected")?;
     }
     let metric = metrics::known(&expectation.metric).or_else(|what| refuse(&at.key("metric"), what))?;
-    // Metrics that are always measured need not be listed.
+    // A metric that is measured although `metrics` does not list it is accepted, too.
     let measured = |name: &str| if definition.measures(name) { Ok(()) } else { definition.why_not(name) };
     measured(&expectation.metric).or_else(|what| at.key("metric").fail(what))?;
     if metric.needs == Needs::Clock {

@@ -136,7 +136,7 @@ fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
 }
 
 /// Returns a note about alpha, which no metric compares. It gives the number of pixels with different alpha. If only one of the files has
-/// colours that are multiplied by alpha, it also gives the number of pixels that are not opaque. A picture without alpha is opaque.
+/// colours that are multiplied by alpha, the note also gives the number of pixels that are not opaque. A picture without alpha is opaque.
 fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<Note> {
     if test.image.content != Content::Colour {
         return None;

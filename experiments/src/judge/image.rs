@@ -214,7 +214,8 @@ mod tests {
         let codes = [0, 10, 55, 188, 255, 128].map(|v| image::Rgba([v, v, v, if v == 10 { 0 } else { 255 }]));
         image::RgbaImage::from_fn(3, 2, |x, y| codes[(y * 3 + x) as usize]).save(&file.0).unwrap();
         let read = Image::read(&file.0, None).unwrap();
-        // The expected values were computed by hand from IEC 61966-2-1. The encoding is linear up to about 10, so 10 is decoded to 10 / 255 / 12.92.
+        // The expected values were computed by hand from IEC 61966-2-1. The encoding is linear for codes up to about 10, so 10 is decoded to
+        // 10 / 255 / 12.92.
         // The value 188 is decoded to about half of the largest linear value.
         for (index, expected) in [(0, 0.0), (1, 0.003_035_27), (3, 0.502_886), (4, 1.0)] {
             assert!((read.texels[index][1] - expected).abs() < 1e-6, "{index}: {:?}", read.texels[index]);

@@ -200,7 +200,7 @@ fn alpha<'a>(layers: &[Layer<'a>], layer: &Layer<'a>) -> Option<&'a Channel> {
     same_part.chain(of_main.filter(same_windows)).find_map(|other| other.channels.with_base("A")).or_else(|| layer.channels.with_base("A"))
 }
 
-/// Joins names from a file on one line. If there are more than `NAMES`, the rest is only counted.
+/// Joins names from a file into one line. If there are more than [`NAMES`], the other names are only counted.
 fn list<'n>(names: impl ExactSizeIterator<Item = &'n str>) -> String {
     let more = names.len().saturating_sub(NAMES);
     let mut shown: Vec<String> = names.take(NAMES).map(one_line).collect();

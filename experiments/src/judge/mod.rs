@@ -13,8 +13,8 @@
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
-//! tev and imgtool skip infinite differences. This module refuses pictures with NaN or infinite values, because such values are defects. All sums are
-//! computed in f64.
+//! tev and imgtool skip infinite differences. This module refuses pictures with NaN or infinite values, because such values are defects. It computes
+//! its sums in f64.
 
 mod coded;
 mod facts;

@@ -37,7 +37,7 @@ impl Image {
         self.alpha.as_ref().map(|alpha| alpha.iter().map(|a| *a >= 1.0).collect())
     }
 
-    /// Whether the file stores the pixel with this index, row by row. OpenEXR files may store a part of the picture.
+    /// Whether the file stores the pixel with this index. Indices count pixels row by row. OpenEXR files may store a part of the picture.
     pub fn stores(&self, index: usize) -> bool {
         self.origin.windows.is_none_or(|windows| windows.stores(index))
     }

@@ -169,8 +169,8 @@ mod tests {
 
     #[test]
     fn a_cosine_is_in_its_band_alone() {
-        // The cosine has 100 and 36 cycles in 256 pixels. Its frequency is 0.4152 cycles per pixel, which lies in band 13. The window spreads the
-        // power by one step, which is still inside the band.
+        // The cosine has 100 cycles across the 256 pixels of a row and 36 across those of a column. Its frequency is 0.4152 cycles per pixel, which
+        // lies in band 13. The window spreads the power by one step, which is still inside the band.
         let phase = |i: usize| std::f64::consts::TAU * (100 * (i % SIDE) + 36 * (i / SIDE)) as f64 / SIDE as f64;
         let field: Vec<f32> = (0..SIDE * SIDE).map(|i| phase(i).cos() as f32 + 3.0).collect();
         let bands = spectrum(&field);
@@ -217,8 +217,8 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are equal except for a factor. The standard error
-            // is therefore at most sqrt(16) = 4 times larger than computed.
+            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are equal except for a factor. The standard
+            // error is therefore at most sqrt(16) = 4 times larger than computed.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }

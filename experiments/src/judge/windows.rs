@@ -47,7 +47,7 @@ impl Windows {
         area(self.data) - self.stored_pixels()
     }
 
-    /// Whether the pixel of the picture with this index, row by row, is stored.
+    /// Whether the pixel of the picture with this index is stored. Indices count pixels row by row.
     pub fn stores(&self, index: usize) -> bool {
         let width = self.display.size[0].max(1) as usize;
         let inside = |[first, last]: Range, at: usize| (first as usize..last as usize).contains(&at);

@@ -333,8 +333,8 @@ fn short_history(definition: &Definition) -> Option<String> {
     let enough = (OLDEST.ln() / kept.ln()).ceil() as u32;
     (!resolves.is_empty() && definition.frames > 1 && share > OLDEST).then(|| {
         format!(
-            "the history of {} begins empty: in frame {first}, the first whose changes are measured, {:.0} % of it come from frame 0, so this start is \
-             part of all numbers over frames; to leave it out, set `warm_up = {enough}` and `frames = {}`",
+            "the history of {} begins empty: in frame {first}, the first whose changes are measured, {:.0} % of it comes from frame 0, so this start \
+             is part of all numbers over frames; to leave it out, set `warm_up = {enough}` and `frames = {}`",
             resolves.join(" and "),
             100.0 * share,
             definition.sequence().measured() + enough
@@ -459,7 +459,7 @@ fn invalid(table: &Table) -> Option<Check> {
     let named = |(place, count): &(String, f64)| format!("{place}: {}", number(*count));
     let found: Vec<String> = counts.iter().filter(|(_, count)| *count > 0.0).map(named).collect();
     if found.is_empty() {
-        // Runs of earlier versions do not count the pixels of references.
+        // Runs of earlier versions do not count such pixels in references.
         let counted = if table.references.iter().any(|reference| reference.invalid.is_finite()) { " and reference" } else { "" };
         return Some((Mark::Passes, format!("every pixel of every choice{counted} has a finite colour")));
     }

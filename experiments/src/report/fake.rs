@@ -1,4 +1,4 @@
-//! Invented runs for tests, one for each form that reports can have. Their numbers come from formulas, so the right answers are known.
+//! Invented runs for tests of reports in their different forms. Their numbers come from formulas, so the right answers are known.
 
 use std::fs;
 use std::path::{Path, PathBuf};

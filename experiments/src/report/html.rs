@@ -173,7 +173,7 @@ pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [
 }
 
 /// Converts prose to HTML. Empty lines separate paragraphs, lines that begin with `- ` are items of a list, and a paragraph of one line that begins
-/// with `#` is a heading. Text between backquotes is code, and text between pairs of asterisks is strong. Everything else is escaped.
+/// with `#` is a heading. Text between backquotes is code, and text between double asterisks is strong. Everything else is escaped.
 pub(super) fn prose(text: &str) -> String {
     let mut html = String::new();
     for block in text.replace('\r', "").split("\n\n").map(str::trim).filter(|b| !b.is_empty()) {

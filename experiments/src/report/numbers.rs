@@ -66,8 +66,8 @@ fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
 }
 
-/// Returns the half-width of a 95 % confidence interval. A standard error that comes from few values is itself uncertain, so the half-width is more
-/// than 1.96 standard errors.
+/// Returns the half-width of a 95 % confidence interval. If the standard error comes from few values, it is itself uncertain, so the half-width
+/// is more than 1.96 standard errors.
 pub(super) fn half_width(standard_error: f64, freedom: f64) -> f64 {
     limit(0.05, freedom) * standard_error
 }
@@ -93,8 +93,8 @@ pub(super) fn number(value: f64) -> String {
 }
 
 /// Formats a value with three significant digits and with trailing zeros, for columns of tables. Values from 1000 to a million keep all digits before
-/// the decimal point. Larger values have a power of ten. Values below 0.0001 have two significant digits and a power of ten, so that only the value 0
-/// is written as 0.
+/// the decimal point. Larger values have a power of ten. Values closer to 0 than 0.0001 have two significant digits and a power of ten, so that only
+/// the value 0 is written as 0.
 pub(super) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
@@ -114,8 +114,8 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// Formats a value with the half-width of its confidence interval, if the half-width is known. The half-width has two significant digits, and the
-/// value has the same number of decimals.
+/// Formats a value with the half-width of its confidence interval, if the half-width is known. The half-width has at least two significant digits,
+/// and the value has the same number of decimals. If the half-width is extremely small or large, [`number`] formats both.
 pub(super) fn with_interval(value: f64, half: Option<f64>) -> String {
     let Some(half) = half.filter(|half| *half > 0.0 && half.is_finite() && value.is_finite()) else { return number(value) };
     let exponent: i32 = format!("{half:.1e}").rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
@@ -138,7 +138,7 @@ pub(super) struct Place {
 pub(super) struct Front {
     /// Indices of the points on the front, by increasing cost.
     pub(super) points: Vec<usize>,
-    /// For each point on the front, the points beside the front that are as good within chance: chance explains both their higher cost and their
+    /// For each point on the front, the points off the front that are as good within chance: chance explains both their higher cost and their
     /// larger error. A point that is as good as several points on the front is listed for the one whose error is closest to its error.
     pub(super) alike: Vec<Vec<usize>>,
 }

@@ -116,7 +116,7 @@ fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     Ok(all)
 }
 
-/// Returns the size and the data URL of a picture, scaled down to [`WIDTH`].
+/// Returns the size and the data URL of a picture. A picture wider than [`WIDTH`] is scaled down to this width.
 fn thumbnail(picture: &RunPicture) -> Result<([u32; 2], String)> {
     let name = Path::new(&picture.file);
     // The list may come from an untrusted source. It must not be able to put arbitrary files of this machine into a page, which is then mailed.

@@ -1,5 +1,6 @@
-//! Plants one fault at a time into a run. The size of the fault is first just below the threshold of a check, where this check must pass, and then
-//! just above the threshold, where it must not pass. Every other check must pass in both cases.
+//! Plants one fault at a time into a run. The fault first has a size at which a check must still pass, and then a size at which this check must not
+//! pass. If the check has a threshold, the two sizes lie close to it. The other checks must not change their results, except that the check `numbers`
+//! must also notice a value of NaN.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -121,7 +121,7 @@ fn facts(run: &RunData, table: &Table) -> String {
         ),
         (
             "Lost",
-            "the part of the reference sequence's change that is missing, such as by blur; root mean square; below 0, changes are exaggerated.",
+            "the part of the reference sequence's change that is missing, such as after a blur; root mean square; below 0, changes are exaggerated.",
         ),
         (
             "Residual",
@@ -343,7 +343,7 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
         FLIP => format!("FLIP against the reference ({signal}, 0 to 1)"),
         _ => format!("added change ({signal}, luminance, k = 1)"),
     };
-    let title = format!("{} over {}, a point per choice", error.words, cost.words);
+    let title = format!("{} over {}, one point for each choice", error.words, cost.words);
     let legend = match &palette {
         None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
         None => String::new(),
@@ -704,8 +704,8 @@ fn passes(run: &RunData, table: &Table) -> Result<String> {
         let timed: Vec<usize> = table.of_view(view).into_iter().filter(|&i| table.summaries[i].times().next().is_some()).collect();
         let leading: Vec<usize> = timed.iter().copied().filter(|&i| table.summaries[i].key.flavours().is_none_or(|n| n == 1)).collect();
         let shown = if leading.is_empty() || timed.len() <= BARS { &timed } else { &leading };
-        // The choices of a setting share geometry and occlusion culling, whose times are stored with only one of them. Choices with the same setting,
-        // estimator and noise were timed in the same rounds, so the times of the shared passes are taken from one of these.
+        // All variants that are timed in the same rounds share geometry and occlusion culling, whose times are stored with only one of them. Choices
+        // with the same setting, estimator and noise were timed in the same rounds, so the times of the shared passes are taken from one of these.
         let shared = |pass: &str, key: &Key| {
             let rounds = |key: &Key| (key.setting.clone(), key.estimator.clone(), key.noise.clone());
             let of_rounds = timed.iter().map(|&i| &table.summaries[i]).filter(|summary| rounds(&summary.key) == rounds(key));

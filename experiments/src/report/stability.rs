@@ -23,7 +23,7 @@ pub(crate) struct Lab<'a> {
     pub(crate) bends: &'a [Bend],
     /// Errors of the encodings that store directions, and errors of derivatives that are computed from stored planes.
     pub(crate) directions: &'a [Row],
-    /// Tests of hashes and noise, and other numbers about them. All p-values together have one significance level.
+    /// Tests of hashes and noise, and other numbers about them. The tests of all p-values together have one significance level.
     pub(crate) noise: &'a [Row],
     /// Properties of noise while the camera moves.
     pub(crate) motion: &'a [Row],
@@ -86,8 +86,8 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// Returns the result of devices in words: that there is no device, that some results are not finite, that they only had to be finite, that they are
-    /// exact, or the largest error with the value of the parameter at which this error occurs.
+    /// Returns the result of devices in words: that there is no device, that some results are not finite, that they only had to be finite, that they
+    /// are exact, or the largest error with the value of the parameter at which this error occurs.
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().next().is_none() {

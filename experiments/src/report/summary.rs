@@ -13,7 +13,7 @@ use crate::metrics::{self, Needs, timed_pass};
 use crate::rounds;
 use crate::row::Row;
 
-/// Limit of the number of rows or choices that a check of `columns.rs` names.
+/// Limit of the number of items that a check of `columns.rs` names.
 pub(super) const NAMED: usize = 3;
 
 /// The columns that identify a choice.
@@ -91,7 +91,7 @@ pub(super) enum Of {
     Shown,
 }
 
-/// A metric whose value a summary contains. If the metric compares frames, its lag is part of its identity.
+/// A metric that a summary can contain. If a metric has a value for each lag, the lag is part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Metric {
     /// The value of the column `metric`.
@@ -255,7 +255,7 @@ impl Summary {
     }
 
     /// Returns the value of a metric with its standard error, for comparisons; NaN if it has no row. If the standard error should exist but is not
-    /// known ([`Summary::is_doubtful`]), it is infinite, so the value differs from no other.
+    /// known ([`Summary::is_doubtful`]), it is set to infinity, so that the value does not count as different from any other.
     pub(super) fn estimate(&self, metric: Metric) -> Estimate {
         let freedom = self.number(metric).map_or(f64::INFINITY, Number::any_freedom);
         let unknown = if self.is_doubtful(metric) { f64::INFINITY } else { 0.0 };
@@ -450,7 +450,7 @@ fn is_of_reference(row: &Row) -> bool {
 
 /// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Such rows are those of `clumping`, of spectra and of
 /// times, and in tables of earlier versions those of metrics over frames. If the runner computes the standard error from the scatter of several
-/// values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame had a value.
+/// values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame or seed had a value.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
     let sequence = definition.sequence();
     let values = match metrics::find(metric).map(|metric| metric.needs) {
@@ -690,8 +690,8 @@ impl Table {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Returns the number of choices among `rows` whose shading time is unstable, and the number of timed choices. Times of other rounds than those
-    /// of the base are not counted in either number ([`Shading::is_interleaved`]).
+    /// Returns the number of choices among `rows` whose shading time is unstable, and the number of timed choices. Times that were measured in
+    /// other rounds than that of the base are counted in neither number ([`Shading::is_interleaved`]).
     pub(super) fn unstable(&self, rows: &[usize]) -> (usize, usize) {
         let timed: Vec<Shading> = rows.iter().filter_map(|&i| self.shading(i)).filter(|shading| shading.is_interleaved).collect();
         (timed.iter().filter(|shading| shading.is_unstable()).count(), timed.len())

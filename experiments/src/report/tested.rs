@@ -14,16 +14,17 @@ use super::summary::{BIAS, BIAS_P, EXACT_MSE, Metric, Summary, THEORY, Table};
 use crate::definition::variant_choice;
 use crate::significance::limit;
 
-/// The choices that are tested, and the number of the other choices that draw random numbers. The results of the latter follow from the tests.
+/// The choices that are tested, and the number of the other choices that draw random numbers. The results of these other choices follow from the
+/// tests.
 struct Tested<'a> {
     members: Vec<&'a Summary>,
     follow: usize,
 }
 
 impl<'a> Tested<'a> {
-    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. A choice of
-    /// several flavours is not tested if each of its random flavours is tested alone, with the same values of all columns but the variant. It is
-    /// counted in `follow`.
+    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. A choice
+    /// that is not itself a single flavour with its specialised pipeline is left out, and counted in `follow`, if each of its random flavours is
+    /// tested alone in this way, with the same values of all columns but the variant.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries

@@ -185,7 +185,7 @@ fn every_shape_makes_a_whole_page_and_a_text() {
         ];
         let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
         assert!(places.is_sorted(), "{name}: {places:?}");
-        // Encoded pictures can contain "NaN" or "inf" by chance. Each word is therefore searched together with the character before it.
+        // Encoded pictures can contain "NaN" or "inf" by chance. The page is therefore searched for each word together with a character before it.
         assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
         let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
         assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
@@ -603,8 +603,9 @@ fn intervals_follow_from_the_degrees_of_freedom() {
         let found = [ADDED, PERCEIVED, CLUMPING, BIAS, SHADING].into_iter().find_map(|m| table.summaries[0].half(m));
         (found.expect("an interval") * 1000.0).round() / 1000.0
     };
-    // Published tables of Student's t distribution, two-sided level 5 %: 12.706, 4.303, 3.182, 2.365, 2.145 and 2.093 with 1, 2, 3, 7, 14 and 19 degrees
-    // of freedom. Added change of n frames comes from n - 1 groups, at most 20; perceived noise is measured in 4 of 16 frames; clumping in 8 seeds.
+    // Published tables of Student's t distribution, two-sided level 5 %: 12.706, 4.303, 3.182, 2.365, 2.145 and 2.093 with 1, 2, 3, 7, 14 and 19
+    // degrees of freedom. Added change of n frames comes from n - 1 groups, at most 20; perceived noise is measured in 4 of 16 frames; clumping in 8
+    // seeds.
     assert_eq!([3, 4, 16, 200].map(|frames| half(frames, "added", Some(1))), [12.706, 4.303, 2.145, 2.093]);
     assert_eq!(half(16, "perceived_noise", None), 3.182);
     assert_eq!(half(16, "clumping", None), 2.365);
@@ -663,8 +664,8 @@ fn histories_that_are_not_filled_and_sequences_that_are_too_short_are_remarks() 
         run.definition.temporal = temporal.iter().map(|&name| name.to_owned()).collect();
         columns::remarks(&run, &Table::of(&run)).join("; ")
     };
-    let begins = "the history of exponential and flipquad+exponential begins empty: in frame 1, the first whose changes are measured, 90 % of it come from \
-                  frame 0, so this start is part of all numbers over frames; to leave it out, set `warm_up = 22` and `frames = 38`";
+    let begins = "the history of exponential and flipquad+exponential begins empty: in frame 1, the first whose changes are measured, 90 % of it \
+                  comes from frame 0, so this start is part of all numbers over frames; to leave it out, set `warm_up = 22` and `frames = 38`";
     assert_eq!(of(16, 0, &["off", "exponential", "flipquad", "flipquad+exponential"]), begins);
     assert!(of(40, 21, &["exponential"]).contains("in frame 21, the first whose changes are measured, 11 % of it"));
     for (frames, warm_up, temporal) in [(40, 22, "exponential"), (16, 0, "flipquad"), (16, 0, "off")] {

@@ -77,8 +77,8 @@ pub(super) fn verdict(table: &Table) -> String {
     lines.join("\n")
 }
 
-/// Ends a sentence with a full stop and begins it with a capital letter. If it begins with the name of a variant, resolve or estimator, the first letter
-/// stays in lower case, because users type these names in lower case.
+/// Ends a sentence with a full stop and begins it with a capital letter. If it begins with the name of a variant, resolve or estimator, the first
+/// letter stays in lower case, because users type these names in lower case.
 fn sentence(table: &Table, text: &str) -> String {
     let first_word = text.split([' ', ',', '\n']).next().unwrap_or_default();
     let mut names = table.variants.iter().chain(&table.temporal).chain(&table.estimators);
@@ -279,8 +279,9 @@ fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
 }
 
 /// Compares the values of a metric of two choices. They differ if they are at least [`SMALL`] apart, their confidence intervals do not overlap, and
-/// chance explains the difference with a probability of less than `level`. Errors of single pictures have no intervals and are compared as they are. It
-/// is unclear how two changes over frames differ if one of them lacks its standard error ([`Summary::is_doubtful`]), unless they are equal.
+/// chance alone would cause such a difference with a probability of less than `level`. Errors of single pictures have no intervals and are compared
+/// as they are. It is unclear how two changes over frames differ if one of them lacks its standard error ([`Summary::is_doubtful`]), unless they are
+/// equal.
 fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     let (low, high) = if a.value(metric) <= b.value(metric) { (a, b) } else { (b, a) };
     let (from, to) = (low.value(metric), high.value(metric));
@@ -351,7 +352,7 @@ fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usi
     Some((low, high))
 }
 
-/// The best rows by a metric.
+/// The result of ranking rows by a metric.
 struct Ranking {
     metric: Metric,
     /// The level of each comparison with the best row ([`level_of_ranking`]).
@@ -597,8 +598,8 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
 /// A row with the base resolve ([`base_of`]), and the row that differs from it only in the resolve.
 type Pair = (usize, usize);
 
-/// Returns, for a resolve, the pairs of rows that differ only in the resolve. If there are stochastic choices, deterministic choices are omitted: a
-/// resolve has no noise to remove from them.
+/// Returns the pairs of rows that differ only in the resolve: the first row has `base`, and the second has `resolve`. If there are stochastic
+/// choices, deterministic choices are omitted: a resolve has no noise to remove from them.
 fn pairs_of(table: &Table, rows: &[usize], base: &str, resolve: &str) -> Vec<Pair> {
     let key = |i: usize| {
         let k = &table.summaries[i].key;
@@ -910,7 +911,8 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
 
 // ---- Variants. ----
 
-/// Returns a text for each choice on a front: its name with cost, error and changes. Choices that are as good within chance are named with it.
+/// Returns a text for each choice on a front: its name with cost, error and changes. Choices that are as good within chance are named with
+/// the choice on the front.
 fn front_items(table: &Table, front: &Front, name: impl Fn(&Summary) -> String) -> Vec<String> {
     let of = |i: usize| &table.summaries[i];
     let item = |(&point, alike): (&usize, &Vec<usize>)| {

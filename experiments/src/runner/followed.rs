@@ -1,4 +1,5 @@
-//! One stream followed over the frames of a sequence: the rows of each frame, and the rows over all frames.
+//! Follows a stream, which is one way to shade with one signal, over the frames of a sequence. Makes the rows of each frame, and the rows over all
+//! frames.
 
 use std::collections::BTreeMap;
 
@@ -56,7 +57,7 @@ fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
 }
 
 impl Followed {
-    /// Returns the sums of a sequence before its first measured frame.
+    /// Returns sums to which no frame has been added.
     pub(super) fn new(signal: Signal, sequence: Sequence) -> Followed {
         let groups = sequence.measured().min(GROUPS) as usize;
         Followed {
@@ -217,15 +218,16 @@ impl Followed {
     }
 }
 
-/// Returns the mean over frames. Its standard error, which is `None` for fewer than two frames, has one degree of freedom less than there are frames.
+/// Returns the mean over frames. The degrees of freedom of its standard error are the number of frames less one. Both are `None` for fewer than two
+/// frames.
 fn mean_of(moments: &Moments<f64>) -> Mean {
     let standard_error = moments.standard_error();
     Mean { value: moments.mean(), standard_error, freedom: standard_error.map(|_| f64::from(moments.count - 1)) }
 }
 
 /// Returns the value over all groups and its standard error, by the delete-one jackknife over groups (Efron and Tibshirani 1993, *An Introduction to
-/// the Bootstrap*, chapter 11). The standard error has one degree of freedom less than there are groups with compared pixels. It is `None` with fewer
-/// than two such groups. Returns `None` if there is no value.
+/// the Bootstrap*, chapter 11). The degrees of freedom of the standard error are the number of groups with compared pixels, less one. Both are `None`
+/// with fewer than two such groups. Returns `None` if there is no value.
 fn jackknife(groups: &[Residual], of: OfResidual) -> Option<Mean> {
     let mut all = Residual::default();
     groups.iter().for_each(|group| all.add(group));

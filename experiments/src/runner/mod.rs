@@ -1,8 +1,8 @@
 //! Carries out the parts of a run on a device. A part renders a reference, measures a sweep, or measures times.
 //!
 //! A *sweep* measures one view with one estimator, noise and temporal resolve. In each frame, the geometry is drawn once. Each flavour is then shaded
-//! once on every pixel and stored as a layer. The pictures of all variants are composed from these layers (`kernels::composition`). *Times* are
-//! measured differently: each variant is shaded by its own pipeline.
+//! once on every pixel and stored as a layer, unless an earlier sweep has stored the same layer. The pictures of all variants are composed from these
+//! layers (`kernels::composition`). *Times* are measured differently: each variant is shaded by its own pipeline.
 
 mod costs;
 mod followed;
@@ -104,8 +104,8 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // `retune` succeeds if the scenes differ only in settings such as the distances of flavours, the light, or the blend (except anisotropy
-            // and material contrast). In this case, the world and the textures are kept.
+            // `retune` succeeds if the scenes differ only in settings such as the distances at which flavours change, the light, or the blend (except
+            // anisotropy and material contrast). In this case, the world and the textures are kept.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
@@ -197,7 +197,7 @@ impl Labels<'_> {
     /// Adds a row if the definition requests the metric. If the metric depends on a signal, the row is about albedo.
     ///
     /// # Errors
-    /// The name is not in the table of metrics.
+    /// `metric` is not in the table of metrics.
     fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) -> Result<()> {
         self.put_of(rows, variant, Signal::Albedo, metric, mark, value, standard_error)
     }
@@ -205,7 +205,7 @@ impl Labels<'_> {
     /// Adds a row for a signal if the definition requests the metric.
     ///
     /// # Errors
-    /// The name is not in the table of metrics.
+    /// `metric` is not in the table of metrics.
     #[allow(clippy::too_many_arguments, reason = "the columns of a row")]
     fn put_of(
         &self,
@@ -302,8 +302,8 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// Returns a copy of the request that renders the reference blend, which takes 96 fetches. All terrain nodes have arrived, so the error of late nodes
-/// is an error of the picture under test.
+/// Returns a copy of the request that renders the reference blend, which takes 96 fetches per pixel. All terrain nodes have arrived, so errors that
+/// late nodes cause count as errors of the picture under test.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));

@@ -30,7 +30,7 @@ const MAP_WHITE: f64 = 0.25;
 /// The kind of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A frame: lit, or its albedo if the run does not measure lit pictures.
+    /// The picture of a frame: the lit picture, or the albedo if the run does not measure lit pictures.
     Frame,
     /// Change of the error of each surface point since the previous frame.
     ResidualMap,
@@ -116,7 +116,8 @@ pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], codes: &[[u
 }
 
 /// Writes the links from a frame to the frame before, as `NNNN.links` in the folder of a sequence: for each pixel, row by row from the top, a
-/// little-endian 32-bit number. It is the index of the linked pixel, [`NO_LINK`], or [`NO_TERRAIN`]. `picture` says where there is terrain.
+/// little-endian 32-bit number. It is the index of the pixel that showed the same surface point, [`NO_LINK`], or [`NO_TERRAIN`]. `picture` says where
+/// there is terrain.
 pub(super) fn write_links(gpu: &Gpu, meter: &Meter, folder: &Path, frame: u32, picture: &[[u32; 2]]) -> Result<()> {
     let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, picture.len() as u64 * 4)?);
     write_with(&folder.join(format!("{frame:04}.links")), |output| {
@@ -153,9 +154,9 @@ pub(super) fn displayed(picture: &[[u32; 2]], signal: Signal) -> Vec<[u8; 3]> {
     display(&linear(picture, signal))
 }
 
-/// Returns a map of residual flicker in the colour map magma. It shows the change of the error of each surface point since the previous frame, in the
-/// last picture of `stream`. `stream` is the index of a stream of `meter`, which must have a reference. Pixels whose change is not known are black,
-/// for example because their surface point was not visible in the previous frame.
+/// Returns a map of residual flicker in the colour map magma. For each pixel of the last picture of `stream`, it shows by how much the error of the
+/// surface point has changed since the previous frame. `stream` is the index of a stream of `meter`, which must have a reference. Pixels whose change
+/// is not known are black, for example because their surface point was not visible in the previous frame.
 pub(super) fn residual_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
@@ -179,8 +180,8 @@ pub(super) fn residual_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 
 pub(super) const TILE_MAP_LEGEND: &str =
     "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixed colours: several flavours.";
 
-/// Mixes each pixel of `picture` with the colour of the pixel's flavours in equal parts. `sets` contains the flavours of each pixel. If the set is 0,
-/// the pixel has no flavour and is unchanged.
+/// Mixes each pixel of `picture`, in equal parts, with the colour that stands for its set of flavours. `sets` contains the set of each pixel. If the
+/// set is 0, the pixel has no flavour and is unchanged.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
         let Some(variant) = Variant::new(set) else { return seen };

@@ -1,15 +1,15 @@
 //! Renders the references of a view: the converged reference, with which the last frame is compared, and the reference sequences, with which every
 //! frame is compared.
 //!
-//! The reference sequence consists of 96-fetch pictures with one sample per pixel, along the same path as the pictures under test. Each temporal
-//! resolve has its own sequence, which is rendered with the sample points of this resolve and passes through this resolve. The pictures of the
-//! sequences are stored for the sweeps of the view.
+//! A reference sequence consists of pictures of the reference blend, which takes 96 fetches per pixel. They have one sample per pixel and follow the
+//! same path as the pictures under test. Each temporal resolve has its own sequence, which is rendered with the sample points of this resolve and
+//! passes through this resolve. The pictures of the sequences are stored for the sweeps of the view.
 //!
 //! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points
 //! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
 //! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the
 //! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel, or until the definition's `reference.max_spp` is
-//! reached. Without a temporal resolve, no shading is expected to have a smaller error than that blend.
+//! reached. Without a temporal resolve, no other way to shade is expected to have a smaller error than that blend.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -89,7 +89,7 @@ pub(super) struct Changes {
 pub(super) struct Reference {
     /// For each measured signal: linear colour. For the lit picture, it is the linear form of the display values.
     pub(super) colours: BTreeMap<&'static str, Vec<[f32; 3]>>,
-    /// Whether a pixel is compared. All samples of a compared pixel show terrain.
+    /// For each pixel, whether it may be compared. All samples of such a pixel show terrain.
     pub(super) mask: Vec<bool>,
     /// The facts about the reference.
     pub(super) record: Record,
@@ -208,14 +208,14 @@ impl Accumulated {
     }
 }
 
-/// The converged reference so far.
+/// The converged reference, computed from the batches so far.
 struct Converging {
     /// Linear albedo.
     albedo: Accumulated,
     /// Linear radiance.
     radiance: Accumulated,
-    /// For each batch: the display values of its mean radiance, decoded to linear, as for the measurement of errors. Only the scatter of the batches
-    /// is used, for the standard error. The display values of the reference are computed from the mean radiance over all batches.
+    /// The display values of the mean radiance of each batch, decoded to linear, as for the measurement of errors. Only their scatter over the
+    /// batches is used: it gives the standard error. The display values of the reference are computed from the mean radiance over all batches.
     displayed: Accumulated,
     exposure: Exposure,
     terrain: Vec<bool>,
@@ -287,7 +287,8 @@ impl Runner<'_> {
         let most = (settings.max_spp / BATCH).max(batches);
         let total = u64::from(definition.frames + most);
 
-        // The reference and the sweeps have the same frame settings, so their pictures differ only because of the shading.
+        // The reference and the sweeps have the same frame settings. Their pictures therefore differ only in the shading and, with simulated
+        // streaming, in the terrain nodes that have arrived.
         let choices = stage.choices;
         let signals = definition.measured_signals();
         let own = folder.join(REFERENCE);

@@ -7,14 +7,14 @@ use kernels::residency::{Arrivals, Residency};
 use super::views;
 use crate::definition::Definition;
 
-/// Simulated streaming of the view that is being drawn. The nodes of a frame depend on all earlier frames of the view, so they are the same in each part of a
-/// run, whatever its order or its shard.
+/// Simulated streaming of the view that is being drawn. The nodes of a frame depend only on this frame and the earlier frames of the view. They are
+/// therefore the same in every part of a run, whatever the order of the parts and their division into shards.
 #[derive(Default)]
 pub(super) struct Streamed {
     last: Option<Last>,
 }
 
-/// The last frame that was made.
+/// The last frame whose residency was computed.
 struct Last {
     view: String,
     frame: u32,
@@ -23,8 +23,8 @@ struct Last {
 }
 
 impl Streamed {
-    /// Returns the request of a frame with the residency of this frame. If the frame is before the last one, streaming starts again with frame
-    /// 0 of the view.
+    /// Returns `request`, which draws a frame of a view, with the residency of this frame. If the view is not that of the last call, or if the frame
+    /// is an earlier one, streaming starts again with frame 0 of the view.
     ///
     /// # Errors
     /// The view does not exist, or the device fails.

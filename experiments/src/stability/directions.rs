@@ -1,7 +1,7 @@
 //! Measures how accurately directions are stored, and how the errors affect derivatives. An octahedral encoding projects a direction to an octahedron
-//! and stores two coordinates as integers. The two integers are the *code* of the direction. The rows contain the mean and the largest errors of
-//! stored directions. They also contain the errors of derivatives that are computed from a stored plane, and compare these errors with an upper
-//! bound.
+//! and stores two coordinates as integers. The two integers are the *code* of the direction. The results are rows with the mean and the largest
+//! errors of stored directions. Other rows contain the errors of derivatives that are computed from a stored plane, and compare these errors with an
+//! upper bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
@@ -18,8 +18,8 @@ use super::Row;
 const DIRECTIONS: u32 = 1_000_000;
 /// The tested numbers of bits for each of the two coordinates.
 const BITS: [u32; 4] = [8, 10, 12, 16];
-/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for codes whose coordinates are rounded separately, as pairs of bits and degrees. The
-/// list contains only the published values that were available as quotations.
+/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for codes whose coordinates are rounded separately. An entry contains the number of
+/// bits of each coordinate, and the error in degrees. The list contains only the published values that were available as quotations.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
 /// With many bits, the mean error approaches a constant divided by `octahedral::half(bits)`. The first constant applies to [`Rounding::Fast`], the
 /// second to [`Rounding::Exact`]. Both are in degrees (docs/stability-lab.md, section 1).
@@ -37,8 +37,8 @@ fn row(kind: &str, view: String, motion: &str, statistic: &str, value: f64, [low
     Row { kind: kind.to_owned(), view, motion: motion.to_owned(), statistic: statistic.to_owned(), value, low, high }
 }
 
-/// Returns the angle between unit vectors, radians. It is computed from the distance of the vectors. The arc cosine of their scalar product would be
-/// inaccurate for small angles.
+/// Returns the angle between two unit vectors, radians. It is computed from the length of their difference. The arc cosine of their scalar product
+/// would be inaccurate for small angles.
 fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
 }
@@ -287,11 +287,11 @@ pub fn derivative_rows() -> Vec<Row> {
 /// Angles between ray and normal at which the effect of clamping the cosine is reported, degrees.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
-/// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. A mip is then finer than the plane requires,
-/// by log2(`MIN_COSINE` / cosine) levels.
+/// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. The mip level is then finer than the plane
+/// requires, by log2(`MIN_COSINE` / cosine) levels.
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
-        // The step to the neighbouring pixel is very short, so the rays of both pixels have practically the same cosine.
+        // The step to the neighbouring pixel is very short, so the rays of both pixels have practically the same angle to the normal.
         let cosine = degrees.to_radians().cos();
         let (ray, normal) = ([0.0, 1.0, 0.0], [0.0, -cosine, (1.0 - cosine * cosine).sqrt()]);
         let got = length(derivatives::on_plane(ray, [0.0, 0.0, 1e-9], 1.0, normal));

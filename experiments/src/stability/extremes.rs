@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The built-in table.
 pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 
-/// Default number of rows for each value.
+/// Default number of rows for each value of a parameter.
 const ROWS: u32 = 1024;
 /// Limit of the number of rows for each value of a parameter.
 const MOST_ROWS: u32 = 1 << 20;

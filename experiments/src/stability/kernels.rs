@@ -1,4 +1,5 @@
-//! Measures the errors of kernels at extreme values. The results of the GPU and of the reference in f32 are compared with the reference in f64.
+//! Measures the errors of kernels, which are functions that shaders share, at extreme values. The results of the GPU and of the reference in f32 are
+//! compared with the reference in f64.
 
 use anyhow::Result;
 use kernels::gpu::Gpu;

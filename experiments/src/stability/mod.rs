@@ -1,5 +1,6 @@
-//! The stability lab. It compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]). It also
-//! tests stored directions, derivatives, hashes and noise; these tests run on the CPU. `docs/stability-lab.md` gives the reasons for all tests.
+//! The stability lab. A *kernel* is a function that shaders share. The lab compares every kernel with its reference in f64 at extreme values
+//! ([`kernels`], with the values of [`extremes`]). It also tests stored directions, derivatives, hashes and noise; these tests run on the CPU.
+//! `docs/stability-lab.md` gives the reasons for all tests.
 
 pub mod directions;
 pub mod extremes;
@@ -18,8 +19,8 @@ use serde::{Deserialize, Serialize};
 pub struct Row {
     /// What was measured: the name of a kind of noise, of a hash, or of an encoding; `derivatives` for the effect of clamped cosines.
     pub kind: String,
-    /// The conditions of the measurement: a ground, a distance from the origin, an elevation, `screen` or `seeds` for samples over pixels or seeds, a
-    /// footprint and slope, an angle or a range of angles, a number of bits, or the index of a word.
+    /// The conditions of the measurement: a kind of ground, a distance from the origin, an elevation, `screen` or `seeds` for samples over pixels or
+    /// seeds, a footprint and slope, an angle or a range of angles, a number of bits, or the index of a word.
     pub view: String,
     /// What is varied or compared under these conditions, such as a motion of the camera, an input of the noise that changes (a coordinate, the
     /// scale, the seed or the salt), the index of a threshold, a tested probability, the index of a bit, a rounding or an encoding. Empty if nothing
@@ -47,7 +48,7 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Returns the row with its numbers rounded to four significant digits. So rounding errors alone do not make two recorded tables differ.
+    /// Returns the row with its numbers rounded to four significant digits. So rounding errors alone rarely make two recorded tables differ.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }

@@ -284,7 +284,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// Returns a row in the form in which it is recorded: the value is rounded, and the accepted range is computed from the rounded value.
+/// Returns a row in the form in which it is recorded: the value is rounded, and the accepted range is that of the rounded value.
 pub fn recorded(row: &Row) -> Row {
     let value = row.shortened().value;
     let kind = row.kind.parse().unwrap_or(NoiseKind::HashedIsotropic);

@@ -225,8 +225,8 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
 }
 
 /// Tests whether thresholds change independently if one input changes: the place (for noise of the screen, the pixel or, as `z`, the frame), the
-/// scale, the seed or the salt. The samples are taken over a lattice of cells or pixels. For interleaved gradient noise and masks, they are taken
-/// over seeds, and only changes of seed and salt are tested.
+/// scale, the seed or the salt. Also tests them with seed and salt swapped. The samples are taken over a lattice of cells or pixels. For interleaved
+/// gradient noise and masks, they are taken over seeds, and only changes of seed and salt are tested.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -262,9 +262,9 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
 
 /// Tests the size of cells at both ends of the range of scales. If the footprint is longer than a sector, two places that are 37 sectors apart must
 /// lie in different cells. If the footprint is very small, cells must be as small as the precision of the coordinates allows, and no smaller. At an
-/// elevation of 2000 m, this is a height of 2^-8 m, which is 32 steps of f32. At sea level, the cells of anisotropic noise are 2^-16 m high, the
-/// smallest of all sizes. The cells of isotropic noise have the same size along all axes. They are 2^-13 m high, because the coordinates in a sector
-/// reach 64 m. Only kinds that follow the footprint are tested.
+/// elevation of 2000 m, this is a height of 2^-8 m, which is 32 times the spacing of f32 numbers there. At sea level, the cells of anisotropic noise
+/// are 2^-16 m high, the smallest of all sizes. The cells of isotropic noise have the same size along all axes. They are 2^-13 m high, because the
+/// coordinates in a sector reach 64 m. Only kinds that follow the footprint are tested.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -284,10 +284,10 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
         // equal.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // Borders between cells lie a third of a cell above whole elevations. A metre that begins at a whole elevation therefore intersects one cell more
-    // than the number of cells per metre. Different cells can have equal thresholds by chance. Among n random numbers of 24 bits, n² / 2^25 on
-    // average repeat an earlier number: 128 of 65 536, with a standard deviation of 11, and 0.002 of 257. The test accepts up to 200 repetitions at
-    // sea level, and up to 2 at 2000 m.
+    // Along the elevation, borders between cells lie a third of a cell above multiples of the cell's height. A range of one metre that begins at a
+    // whole number of metres therefore intersects one cell more than the number of cells per metre. Different cells can have equal thresholds by
+    // chance. Among n random numbers of 24 bits, n² / 2^25 on average repeat an earlier number: 128 of 65 536, with a standard deviation of 11, and
+    // 0.002 of 257. The test accepts up to 200 repetitions at sea level, and up to 2 at 2000 m.
     let at_sea: u32 = if kind == NoiseKind::HashedAnisotropic { 1 << 16 } else { 1 << 13 };
     for (view, from_m, cells, repeated) in [("2000 m", 2000.0, 1 << 8, 2), ("0 m", 0.0, at_sea, 200)] {
         let close = |i: u32| {

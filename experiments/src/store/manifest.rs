@@ -118,7 +118,7 @@ pub(super) fn hash_of(file: &Path) -> Result<String> {
 }
 
 impl Manifest {
-    /// Returns the manifest of a new run. If the run is small, `definition` already contains the changes of `small`.
+    /// Returns the manifest of a new run. If `small` is true, `definition` already contains the changes of its section `small`.
     pub(super) fn new(definition: &Definition, small: bool, shard: Option<Shard>, provenance: &Provenance) -> Result<Manifest> {
         let text = definition.to_toml()?;
         let mut manifest = Manifest {

@@ -122,7 +122,7 @@ pub struct Run {
     shares: Vec<Share>,
     /// Indices of finished parts.
     done: BTreeSet<usize>,
-    /// Notes for the user about the state of the folder, and about a scene that was just imported.
+    /// Messages for the user about the state of the folder, and about a scene that was just imported.
     notes: Vec<String>,
     _lock: Lock,
 }
@@ -204,7 +204,7 @@ impl Run {
         self.definition.import.as_ref().map(|_| self.folder.join(SCENE))
     }
 
-    /// Returns notes for the user about the state of the folder, and about the scene if it was just imported, one per line.
+    /// Returns messages for the user about the state of the folder, and about the scene if it was just imported, one per line.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -549,8 +549,8 @@ fn is_leftover(name: &str) -> bool {
     name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
 }
 
-/// Removes the files that a run has written, except its lock, and no other files. The manifest is removed last. Until then, the folder is recognised
-/// as the folder of a run.
+/// Removes the files and folders that a run writes, except its lock. Other entries of the folder are kept. The manifest is removed last. Until then,
+/// the folder is recognised as the folder of a run.
 fn remove_results(folder: &Path) -> Result<()> {
     let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
     let reports = [REPORT_PAGE, REPORT_TEXT].into_iter().map(str::to_owned);

@@ -1,10 +1,10 @@
-//! The list of a run's pictures. The runner writes it, and the report reads it.
+//! Lists of a run's pictures. Each part of the run that stores pictures writes a list, and the report reads all lists.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// An entry of the list: one picture.
+/// An entry of a list: one picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct RunPicture {

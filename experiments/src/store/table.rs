@@ -1,8 +1,8 @@
 //! Stores rows in files: as Parquet for programs, and as CSV for people and spreadsheets. Both formats store every number exactly, including NaN.
 //!
-//! The bytes of a file depend only on its rows, its notes and the version of the program, because it contains neither a time nor a machine name.
-//! Parquet readers do not require a checksum. The metadata of a Parquet file therefore contain a checksum of all values, with which damaged files are
-//! recognised and refused.
+//! The bytes of a file depend only on its groups of rows, its notes and the version of the program, because it contains neither a date nor a machine
+//! name. The Parquet format does not require checksums. The metadata of a Parquet file therefore contain a checksum of all values, with which damaged
+//! files are recognised and refused.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -188,7 +188,7 @@ pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
     })
 }
 
-/// Writes a file completely. The file is flushed to the disk before it gets its final name.
+/// Writes a file completely or not at all. The file is flushed to the disk before it gets its final name.
 pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
     let done = write_whole(file, |temporary| {
         let written = (|| {

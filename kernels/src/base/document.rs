@@ -123,7 +123,7 @@ pub struct Problem {
 }
 
 impl fmt::Display for Problem {
-    /// One line, `material 3, tile_m: ...`. Entries of lists are counted from 1.
+    /// One line, such as `material 3, tile_m: ...`. Entries of lists are counted from 1.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_sentence {
             return f.write_str(&one_line(&self.what));

@@ -126,7 +126,7 @@ impl WholeFolder {
             return Err(Error::Request(format!("{} is being written already: choose another folder", place.display())));
         }
         let made = WholeFolder { temporary, place, lock: Some(lock) };
-        // An earlier process with the same process number may have been killed and have left files. They must not become part of the folder.
+        // An earlier process with the same process id may have been killed and have left files. They must not become part of the folder.
         if made.temporary.exists() {
             fs::remove_dir_all(&made.temporary).map_err(failed(&made.temporary))?;
         }

@@ -7,8 +7,8 @@
 //! compare both signals for all 31 variants. Fetches and first choices are composed, too. Times are not: they are measured with the pipelines of the
 //! variants.
 //!
-//! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8
-//! x 8 tile.
+//! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per
+//! 8 x 8 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 

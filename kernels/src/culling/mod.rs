@@ -117,7 +117,7 @@ impl PatchBox {
 /// The patches to draw, and how many were removed by which test.
 #[derive(Clone, Debug, Default)]
 pub struct Culled {
-    /// The patches to draw, the nearest first if they are sorted. The geometry pass keeps this order within a batch.
+    /// The patches to draw, the nearest first if they are sorted. The geometry pass keeps this order among the patches of a draw.
     pub patches: Vec<Patch>,
     /// Their boxes, in the same order.
     pub boxes: Vec<PatchBox>,
@@ -195,7 +195,7 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
     culled
 }
 
-/// Whether all triangles of a patch within a box face away from a camera.
+/// Whether all triangles of a patch face away from a camera. `low` and `high` are the corners of the box around the patch.
 fn faces_away(patch: &PatchBounds, [low, high]: [DVec3; 2], eye: &View) -> bool {
     let middle = (low + high) / 2.0;
     culling::faces_away(patch.cone.axis, patch.cone.sin_half_angle, (middle - eye.camera).to_array(), middle.distance(high))

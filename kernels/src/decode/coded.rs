@@ -14,7 +14,7 @@ use crate::base::error::one_line;
 /// A file whose header has been read.
 pub struct Opened<'a> {
     /// Gives the size and the metadata, and decodes the pixels. For PNG, it allocates at most 512 MiB, apart from the buffer of the caller. For
-    /// JPEG, there is no limit of memory.
+    /// JPEG, there is no limit on memory.
     pub decoder: Box<dyn ImageDecoder + 'a>,
     /// What a PNG says about its colours; nothing for JPEG.
     pub colours: Colours,

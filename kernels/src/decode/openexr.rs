@@ -623,7 +623,7 @@ mod tests {
         let red = parts[0].channel("R").expect("a channel R");
         assert!(red.samples.iter().enumerate().all(|(i, v)| (v - 0.25 - (i % 32) as f32 / 64.0).abs() < 0.0625), "{:?}", red.samples);
         // The table has 8 bytes, because there is one block. The block begins with its row and its length, which take 8 bytes. The eleven
-        // numbers follow.
+        // counters follow.
         let counters = table(&bytes, 1) + 8 + 8;
         for index in [1, 6, 7, 8, 9] {
             let mut claims = bytes.clone();

@@ -9,7 +9,7 @@ use crate::quadtree::{self, Selection};
 use crate::residency::{Arrivals, NodeSet, Residency, Schedule};
 use crate::view::camera::View;
 
-/// The set of nodes that have arrived in the frame that was made last.
+/// The set of nodes that had arrived before the last frame of simulated streaming.
 #[derive(Default)]
 pub(super) struct Arrived {
     /// Identifies the set, see [`Residency::Arrived`].
@@ -18,7 +18,7 @@ pub(super) struct Arrived {
 }
 
 impl Renderer<'_> {
-    /// Starts simulated streaming. All nodes that the request needs have arrived.
+    /// Starts simulated streaming. At the start, all nodes that the request needs have arrived.
     ///
     /// # Errors
     /// When [`RenderRequest::check`] refuses the request, the view needs more nodes than fit in the atlases, or the device fails.
@@ -28,8 +28,8 @@ impl Renderer<'_> {
         Ok(Arrivals::new(schedule, selection.visited))
     }
 
-    /// Makes the next frame of simulated streaming: returns the residency with which the frame is drawn and the nodes that it draws, and requests the
-    /// nodes that it lacks. They arrive in later frames. Requests with this residency can be drawn until the next call of this method.
+    /// Advances simulated streaming by one frame. Returns the residency with which the frame is drawn, and the selection of its nodes. The nodes that
+    /// it lacks are scheduled and arrive in later frames. A [`RenderRequest`] with this residency can be drawn until the next call of this method.
     ///
     /// # Errors
     /// The same errors as [`Renderer::arrivals`].
@@ -46,8 +46,8 @@ impl Renderer<'_> {
     /// Selects the nodes of a request without drawing it.
     fn selection(&mut self, request: &RenderRequest) -> Result<Selection> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
-        // The selection may replace nodes that the last frame used. Its geometry can still be reused, but not its pages, which are rendered from the
-        // nodes. So it is drawn again.
+        // The selection may replace nodes that the last frame used. A frame that reuses the geometry of the last frame would still need these nodes
+        // for its pages and its shading. So the geometry is not reused.
         self.drawn = None;
         let eye = self.eye(request);
         self.select_nodes(request, &eye)

@@ -41,7 +41,7 @@ fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
 }
 
 /// Encoding of OpenEXR files: lossless compression in tiles, which are stored row by row. If the order were unspecified, tiles would be stored in
-/// the order in which threads finish them, and the same picture would have different bytes in each run.
+/// the order in which threads finish them, and the same picture could have different bytes in each run.
 const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
 
 /// Writes the linear picture and its layers as OpenEXR, in f32. The channels of the picture are R, G, B and A. The channels of a layer are named

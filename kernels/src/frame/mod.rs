@@ -121,7 +121,7 @@ struct Selected {
     drawn: Vec<NodeId>,
     /// The levels of the patches of the nodes to draw.
     levels: Levels,
-    /// How much coarser they are than they would be if all nodes were available.
+    /// How much coarser the nodes to draw are than they would be if all nodes were available.
     lag: Lag,
 }
 
@@ -227,8 +227,9 @@ impl<'a> Renderer<'a> {
     /// Draws one picture and reads it back.
     ///
     /// # Errors
-    /// When [`RenderRequest::check`] refuses the request, it forces the flavour `vt` in a scene without a virtual texture, the view needs more nodes
-    /// than fit in the atlases, a pipeline cannot be built, or the device fails.
+    /// When [`RenderRequest::check`] refuses the request, it forces the flavour `vt` in a scene without a virtual texture, its residency belongs to
+    /// an earlier frame of simulated streaming ([`Renderer::arrive`]), the view needs more nodes than fit in the atlases, a pipeline cannot be
+    /// built, or the device fails.
     pub fn render(&mut self, request: &RenderRequest) -> Result<Picture> {
         self.draw(request)?.read()
     }
@@ -466,7 +467,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the levels of their patches.
+    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, the levels of their patches, and
+    /// their lag.
     fn select(&mut self, request: &RenderRequest, eye: &View) -> Result<Selected> {
         let selection = self.select_nodes(request, eye)?;
         let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
@@ -502,7 +504,8 @@ impl<'a> Renderer<'a> {
     /// loaded. The geometry of the last frame cannot be reused after this call.
     ///
     /// # Errors
-    /// When [`RenderRequest::check`] refuses the request, the view needs more nodes than fit in the atlases, or the device fails.
+    /// When [`RenderRequest::check`] refuses the request, its residency belongs to an earlier frame of simulated streaming ([`Renderer::arrive`]),
+    /// the view needs more nodes than fit in the atlases, or the device fails.
     pub fn drawn_ground_m(&mut self, request: &RenderRequest, x: f64, y: f64) -> Result<Option<f64>> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
         // The selection may replace nodes that the last frame used, so its geometry cannot be reused.

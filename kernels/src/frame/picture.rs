@@ -1,17 +1,23 @@
 //! A finished picture with its layers.
 
+use glam::DVec2;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
 use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
+use crate::culling::{Levels, PATCHES};
 use crate::display::{Exposure, reference};
 use crate::frame::{Frame, FrameReport};
 use crate::gpu::TextureReading;
+use crate::quadtree::{lod_at, lod_map};
 use crate::shading::diagnostics;
+use crate::view::camera::View;
+use crate::world::NodeId;
 
 /// Names of all layers, in their order in [`Picture::layers`].
-pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
+pub const AOV_NAMES: [&str; 12] =
+    ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy", "lod", "stride"];
 
 /// The layers that are requested in addition to the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -49,7 +55,7 @@ impl AovSet {
     }
 
     fn needs_inspection(self) -> bool {
-        self.has("position") || self.has("ddx") || self.has("ddy")
+        ["position", "ddx", "ddy", "lod", "stride"].into_iter().any(|name| self.has(name))
     }
 }
 
@@ -87,6 +93,38 @@ pub struct Picture {
 fn rgb(bytes: &[u8]) -> Vec<[f32; 3]> {
     let halves: Vec<f16> = bytemuck::pod_collect_to_vec(bytes);
     halves.to_f32_vec().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2]]).collect()
+}
+
+/// Finds the node and the patch that were drawn at a position.
+struct DrawnLevels<'f> {
+    /// For each sector, the LOD of the drawn node.
+    lods: Vec<u8>,
+    levels: &'f Levels,
+    view: &'f View,
+    sector_m: f64,
+}
+
+impl DrawnLevels<'_> {
+    fn of<'f>(frame: &'f Frame<'_, '_>) -> DrawnLevels<'f> {
+        let report = frame.report();
+        DrawnLevels {
+            lods: lod_map(&report.drawn),
+            levels: &report.levels,
+            view: frame.view(),
+            sector_m: frame.renderer().world().layout().sector_m,
+        }
+    }
+
+    /// Returns the LOD of the node and the vertex stride of the patch at a position in the local coordinates of the view; `None` = outside the world.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`lod_at` has checked that the position is in the world")]
+    fn at(&self, position: [f32; 3]) -> Option<(u8, u32)> {
+        let place = self.view.sector.as_dvec2() + DVec2::new(f64::from(position[0]), f64::from(position[1])) / self.sector_m;
+        let lod = lod_at(&self.lods, place.to_array())?;
+        let in_nodes = place / f64::from(1u32 << lod);
+        let node = NodeId { lod, x: in_nodes.x as u16, y: in_nodes.y as u16 };
+        let patch = ((in_nodes - in_nodes.floor()) * f64::from(PATCHES)).to_array().map(|n| n as u32);
+        Some((lod, 1 << self.levels.log2_stride(node, patch)))
+    }
 }
 
 impl Picture {
@@ -158,6 +196,18 @@ impl Picture {
             }
             if wanted.has("ddy") {
                 add("ddy", Layer::Xyz(inspected.iter().map(|i| i.ddy).collect()));
+            }
+            if wanted.has("lod") || wanted.has("stride") {
+                let drawn = DrawnLevels::of(&frame);
+                let found: Vec<Option<(u8, u32)>> =
+                    inspected.iter().map(|i| if terrain(i) { drawn.at(i.position) } else { None }).collect();
+                // The layers hold the LOD of the drawn node, and the vertex stride of the drawn patch; -1 and 0 = no terrain.
+                if wanted.has("lod") {
+                    add("lod", Layer::Value(found.iter().map(|found| found.map_or(-1.0, |(lod, _)| f32::from(lod))).collect()));
+                }
+                if wanted.has("stride") {
+                    add("stride", Layer::Value(found.iter().map(|found| found.map_or(0.0, |(_, stride)| stride as f32)).collect()));
+                }
             }
         }
         let size = request.view.size;

@@ -21,8 +21,8 @@ pub struct FrameReport {
     pub selection_ms: f64,
     /// Number of nodes visited: the nodes selected for drawing, and their ancestors in the quadtree.
     pub visited: usize,
-    /// Number of nodes that were not resident and were therefore baked, for this frame and for calls of
-    /// [`Renderer::drawn_ground_m`](crate::frame::Renderer::drawn_ground_m) before it; 0 if the geometry of the last frame was reused.
+    /// Number of nodes that were not resident and were therefore baked, for this frame and for earlier calls of methods that select nodes without
+    /// drawing, such as [`Renderer::drawn_ground_m`](crate::frame::Renderer::drawn_ground_m); 0 if the geometry of the last frame was reused.
     pub loaded: usize,
     /// Counts of the nodes and texture layers that were rebuilt since the previous frame, because the scene was edited.
     pub edited: EditCounts,
@@ -34,7 +34,8 @@ pub struct FrameReport {
     pub triangles: usize,
     /// Numbers of the patches of selected nodes that were not drawn.
     pub culled: CullCounts,
-    /// How much coarser the nodes are than they would be if all nodes were available; zero if [`Residency::Settled`](crate::residency::Residency::Settled) was requested.
+    /// How much coarser the drawn nodes are than they would be if all nodes were available; zero if
+    /// [`Residency::Settled`](crate::residency::Residency::Settled) was requested.
     pub lag: Lag,
     /// The nodes selected for drawing; they cover the ground and do not overlap.
     pub drawn: Vec<NodeId>,

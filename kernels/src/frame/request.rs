@@ -62,7 +62,7 @@ pub struct GeometryRequest {
     /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
     /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
     pub culled_from: Option<Pose>,
-    /// The nodes from which the frame is selected.
+    /// Which nodes are available for drawing.
     pub residency: Residency,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
@@ -171,8 +171,8 @@ impl RenderRequest {
     }
 }
 
-/// Largest width and largest height of a picture, pixels. Many devices support no larger textures. The 12 bits of a tile's column or row are enough
-/// for this size, even if tiles have 4 x 4 pixels.
+/// Largest width and largest height of a picture, pixels. Many devices support no larger textures. Tile lists store the column and the row of a
+/// tile in 12 bits each, which is enough for this size even if tiles have 4 x 4 pixels.
 pub const MAX_SIDE: u32 = 16_384;
 /// Largest number of pixels of a picture.
 pub const MAX_PIXELS: u64 = 1 << 26;

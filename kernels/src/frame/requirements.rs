@@ -3,8 +3,8 @@
 //! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats follow *Terrain Rendering in Far Cry 5* (Moore,
 //! GDC 2018), sections on terrain data and the virtual texture. `ARCHITECTURE.md` lists the differences.
 //!
-//! Limits: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. Each of
-//! the three page textures then has one unused layer, because a binding of the shading pass cannot be empty. The page table and the buffer of page
+//! Exceptions: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. Each
+//! of the three page textures then has one unused layer, because a binding of the shading pass cannot be empty. The page table and the buffer of page
 //! requests (224 KiB each) are still allocated. Forcing a variant that contains `vt` is an error. In a scene without colour modulation, the atlas of
 //! colour modulation has one layer. Detail textures and the splat map always exist, even if no flavour samples them, because errors are measured
 //! against full splat, which samples them.

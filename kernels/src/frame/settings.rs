@@ -66,7 +66,7 @@ table! {
         /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn. Textures keep their
         /// resolution, but ridges lose detail. On a software adapter, the default of the workbench is 4.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
-        /// Draw fewer vertices of a patch where this moves the ground by at most this distance on the screen, except where patches with different
+        /// Draw fewer vertices of a patch where the ground then moves by at most this distance on the screen, except where patches with different
         /// vertices meet. 0 draws all vertices that the vertex stride leaves.
         geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
         /// Which terrain nodes can be drawn. `settled`: all, so each picture waits for its nodes. `scheduled`: those that have arrived. Pictures of a

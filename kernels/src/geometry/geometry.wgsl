@@ -10,12 +10,12 @@ struct Patch {
     spacing: f32,               // metres between neighbouring vertices of the node at vertex stride 1
     slot: u32,
     patch_xy: vec2<u32>,        // column, row in the node's 8 x 8 patches
-    deltas: u32,                // LOD deltas, 4 bits per side: N E S W from the highest bits
+    deltas: u32,                // LOD deltas of the sides, 4 bits each: north << 12 | east << 8 | south << 4 | west
     lod: u32,
 }
 
 @group(2) @binding(0) var<storage, read> patches: array<Patch>;
-// For each instance of a batch, the index of its patch.
+// For each instance of a draw, the index of its patch in `patches`.
 @group(2) @binding(1) var<storage, read> order: array<u32>;
 
 struct GeometryVarying {

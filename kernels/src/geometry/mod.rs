@@ -1,5 +1,5 @@
-//! Geometry pass: draws the visible patches in phases, with one indirect draw for each vertex stride, into depth, stencil, classification mask and
-//! two normals.
+//! Geometry pass: draws the visible patches in phases, with one indirect draw for each phase and vertex stride, into depth, stencil, classification
+//! mask and two normals.
 //!
 //! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
 //! `near / distance`), stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane).
@@ -270,7 +270,7 @@ pub const ARGUMENT_WORDS: u32 = 5;
 /// The least number of patches of the last phase, if there are several phases.
 const LEAST_OF_PHASE: u32 = 64;
 
-/// The order of the patches of a batch begins at a multiple of this number of elements, because a binding must begin at a multiple of 256 bytes.
+/// In [`PatchList::order`], each batch begins at a multiple of this number of elements, because a binding must begin at a multiple of 256 bytes.
 const ORDER_STEP: u32 = 64;
 
 /// The ends of all phases except the last, as shares of the patches. With four phases (0.1, 0.25, 0.5), more patches are culled, but software Vulkan

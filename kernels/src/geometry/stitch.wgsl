@@ -8,7 +8,7 @@ fn geometry_weld(index: u32, delta: u32) -> u32 {
 }
 
 // `index`: index of a vertex in its node. `first`: index of the south-west corner of its patch, which has `quads` quads along a side. `deltas`: by
-// how many levels the mesh on each side is coarser than the vertices of the node, 4 bits per side: N E S W from the highest bits.
+// how many levels the mesh on each side is coarser than the vertices of the node, 4 bits per side (north << 12 | east << 8 | south << 4 | west).
 fn geometry_stitch(index: vec2<u32>, first: vec2<u32>, quads: u32, deltas: u32) -> vec2<u32> {
     let last = first + quads;
     var kept = index;

@@ -97,8 +97,9 @@ pub fn triangles_near(node: NodeId, layout: &Layout, levels: &Levels, at: DVec2)
     triangles
 }
 
-/// Returns the signed distance, in metres, from a point to the nearest side of a counter-clockwise triangle. It is negative if the point is outside
-/// the triangle, and negative infinity if the triangle has no area.
+/// Returns the smallest of the signed distances, in metres, of a point from the lines through the sides of a counter-clockwise triangle. A distance
+/// is positive on the inner side of the line, so the result is negative if the point is outside the triangle. It is negative infinity if the triangle
+/// has no area.
 pub fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
     let [a, b, c] = triangle;
     if (b - a).perp_dot(c - a) <= 0.0 {

@@ -1,4 +1,4 @@
-//! Access to the GPU: adapters, devices, shaders, timers and read-back are handled only here.
+//! Access to the GPU: adapters, devices, shaders, timers and read-back.
 
 use std::sync::{Arc, Mutex, RwLock};
 
@@ -47,7 +47,7 @@ pub struct AdapterReport {
     pub name: String,
     /// Graphics interface: vulkan, metal, dx12.
     pub backend: String,
-    /// Type of the adapter, such as discrete, integrated or software.
+    /// Type of the adapter, such as `DiscreteGpu`, `IntegratedGpu` or `software`.
     pub device_type: String,
     /// Driver name and version.
     pub driver: String,

@@ -14,7 +14,7 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Returns the role of a material with this name. Upper and lower case are equal.
+    /// Returns the role of a material with this name. Upper and lower case are equal, except where a capital letter begins a word, as in `IceCliff`.
     pub(super) fn of(name: &str) -> Role {
         // `ice` must be a whole word, because it is part of other words, such as `lattice`. A capital letter after a small one begins a word.
         let mut words = String::new();

@@ -345,8 +345,8 @@ impl Palette {
 const MIDDLE_GREY: f64 = 0.18;
 
 /// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. All texels of a channel are multiplied
-/// by the same factor, so that the relative contrast inside a texture does not change, except that products above 1 are set to 1. The new mean of
-/// each channel is limited to 0.5 % to 95 %.
+/// by the same factor, so that the relative contrast inside a texture does not change, except that products above 1 are set to 1. The wanted mean
+/// of each channel is limited to the range from 0.005 to 0.95.
 fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     if (contrast - 1.0).abs() < f64::EPSILON {
         return;

@@ -96,8 +96,8 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
             *out = [-gx * inverse, -gy * inverse];
         }
     });
-    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depth below two local means. Each of the two
-    // depths is divided by the radius of the mean.
+    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depths below the mean heights within two radii.
+    // Each depth is divided by its radius.
     let near = height.blur(0.008);
     let wide = height.blur(0.03);
     let specular_occlusion = bench.par(|i| {
@@ -210,7 +210,8 @@ impl Field {
         Field { n, v }
     }
 
-    /// Applies three equal box filters, which together are nearly a Gaussian. A box reaches 0.6 times `radius`, in repeats, to either side.
+    /// Applies three equal box filters, which together are nearly a Gaussian. `radius` is in repeats. Each box extends by 0.6 times `radius` to
+    /// either side, rounded to whole texels.
     fn blur(&self, radius: f32) -> Field {
         let reach = ((radius * self.n as f32 * 0.6).round() as usize).clamp(1, self.n / 4);
         let mut v = self.v.clone();
@@ -223,8 +224,8 @@ impl Field {
     }
 }
 
-/// Returns, for each texel, the mean of 2 * `reach` + 1 texels of its row. The running sum starts again in each row, so that rounding errors do not
-/// spread to other rows.
+/// Returns, for each texel, the mean of the 2 * `reach` + 1 texels around it in its row. The running sum starts again in each row, so that rounding
+/// errors do not spread to other rows.
 fn box_rows(v: &[f32], n: usize, reach: usize) -> Vec<f32> {
     let mut out = vec![0.0; n * n];
     let inverse = 1.0 / (2 * reach + 1) as f32;
@@ -261,9 +262,9 @@ struct Cells {
     id: Vec<u32>,
     /// Distance to the nearest point, in cells.
     near: Vec<f32>,
-    /// Distance to the second nearest point minus the distance to the nearest, in cells: 0 on the border.
+    /// Distance to the second nearest point minus the distance to the nearest, in cells: 0 on the border between two cells.
     edge: Vec<f32>,
-    /// Vector from the point to the texel, in cells.
+    /// Vector from the nearest point to the texel, in cells.
     from: Vec<[f32; 2]>,
 }
 
@@ -494,7 +495,7 @@ impl Canvas {
 struct Stone {
     /// Coefficients a, b, c of each plane: height = a x + b y + c.
     planes: [[f32; 3]; 9],
-    /// Inverse squares of the semi-axes along and across `direction`; 0 = no rounding.
+    /// Inverse squares of the dome's semi-axes, along and across `direction`; 0 = there is no dome.
     round: [f32; 2],
     direction: [f32; 2],
     top: f32,
@@ -757,7 +758,7 @@ fn limestone(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Draws stones with rough faces. Each stone already has its colour.
+/// Draws stones with rough faces. `rough` is the noise on the faces; `roughness` is its amplitude, as a share of the height of the stone.
 fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough: &Field, roughness: f32) {
     let texel = 1.0 / bench.n as f32;
     canvas.draw(stones, |stone, d, i| {

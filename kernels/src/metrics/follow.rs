@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::motion::NO_LINK;
 
-/// Edge of the blocks from which clumping is computed, pixels. The metrics of experiments use blocks of the same size.
+/// Edge length of the blocks from which clumping is computed, pixels. The metrics of experiments use blocks of the same size.
 const BLOCK: usize = super::BLOCK as usize;
 
 /// One pixel of one picture.
@@ -50,7 +50,7 @@ pub struct Point {
 impl Point {
     /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame earlier; `None` = the point was not visible.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
-        // Sky is negative. A luminance that is not finite would spoil the moments of all later frames.
+        // Sky has a negative luminance. A luminance that is not finite would spoil the moments of all later frames.
         if now.luminance < 0.0 || !now.luminance.is_finite() {
             return Point::default();
         }
@@ -96,7 +96,7 @@ pub struct Summary {
     pub terrain: usize,
     /// Median over pixels of [`Point::frames`].
     pub frames: f32,
-    /// Mean variance of luminance over frames.
+    /// Mean over pixels of the variance of luminance over frames.
     pub variance: f64,
     /// Mean absolute difference in luminance from frame to frame.
     pub flicker: f64,

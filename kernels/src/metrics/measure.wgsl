@@ -8,7 +8,7 @@ struct MeasureFrame {
     size: vec2<u32>,
     blocks: vec2<u32>,          // number of blocks in each direction
     slot: u32,                  // index in `signal` at which the picture of this frame begins
-    lags: u32,                  // number of earlier frames, 0..=4
+    lags: u32,                  // number of earlier frames with which this frame is compared, 0..=4
     quarter: u32,               // index, 0..=3, of the quarter of the rows that is used for the box test, the histograms and lags 2 to 4
     referenced: u32,            // number of frames, 0..=5, whose picture `reference` contains; counted back from this frame without a gap
     past_slots: vec4<u32>,      // index in `signal` at which the picture of each earlier frame begins
@@ -18,9 +18,9 @@ struct MeasureFrame {
     pad_0: u32,
 }
 
-// Sums of a part. A count is at most 64. A *change* is the luminance of a pixel minus the luminance of the linked pixel: dY in the stream, dR in the
-// reference sequence. The error of a pixel is its luminance in the stream minus its luminance in the reference sequence, so dY - dR is the change of
-// the error.
+// Sums of a part. A part has at most 64 pixels, so a number of pixels fits 8 bits. A *change* is the luminance of a pixel minus the luminance of the
+// linked pixel: dY in the stream, dR in the reference sequence. The error of a pixel is its luminance in the stream minus its luminance in the
+// reference sequence, so dY - dR is the change of the error.
 struct MeasurePart {
     // For each lag, four counts: linked pixels | linked pixels with a choice in both frames << 8 | pixels whose two choices differ << 16 | linked
     // pixels whose error is known in both frames << 24.
@@ -38,7 +38,7 @@ struct MeasurePart {
     // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects a history outside the box of the current
     // colours of the 3 x 3 pixels around the pixel. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
     rejections: u32,
-    // Number of terrain pixels in the quarter. At lags 2 to 4, the share of disoccluded pixels is a share of this number.
+    // Number of terrain pixels in the quarter. At lags 2 to 4, the share of disoccluded pixels is relative to this number.
     quarter_terrain: u32,
     // Number of pixels of terrain whose colour is not finite. They are in no other sum.
     invalid: u32,

@@ -7,8 +7,8 @@
 //! and remembered errors only on request. Memory does not grow with the number of frames.
 //!
 //! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
-//! It then also keeps the remembered error of each surface point: an exponential mean over time, which models the eye ([`Meter::memory`],
-//! [`perceived`]).
+//! It then also keeps the remembered error of each surface point: the exponential mean of its error over time, which models the eye
+//! ([`Meter::memory`], [`perceived`]).
 //!
 //! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
 
@@ -93,7 +93,7 @@ pub struct MeasurePart {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
     /// Number of terrain pixels that are followed at this lag. At lag 1, these are all terrain pixels; at lags 2 to 4, they are the terrain pixels of
-    /// a quarter, which is a different quarter in each frame. They are counted even in the first frames, which have no frame so much earlier.
+    /// a quarter, which is a different quarter in each frame. They are counted even in the first frames, which have no earlier frame at this lag.
     pub terrain: u64,
     /// Number of these pixels whose point was visible in the earlier frame, with a finite colour.
     pub linked: u64,
@@ -173,8 +173,8 @@ impl Residual {
         self.per_pixel((self.change_square - explained).max(0.0)).map(f64::sqrt)
     }
 
-    /// Change that the reference has and the stream has not, such as that of detail that is blurred away: (1 - g) times the root mean square of dR,
-    /// with g = [`Residual::gain`]. Below 0 if the stream exaggerates the changes of the reference. `None` without compared pixels.
+    /// Change that the reference has but the stream does not have, such as that of blurred detail: (1 - g) times the root mean square of dR, with
+    /// g = [`Residual::gain`]. Below 0 if the stream exaggerates the changes of the reference. `None` without compared pixels.
     pub fn lost(&self) -> Option<f64> {
         self.per_pixel(self.reference_square).map(|square| (1.0 - self.gain()) * square.sqrt())
     }
@@ -191,7 +191,7 @@ pub struct FrameSums {
     pub terrain: u64,
     /// Number of terrain pixels whose colour is not finite.
     pub invalid: u64,
-    /// Number of fetches of all terrain pixels.
+    /// Number of fetches of these pixels.
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],

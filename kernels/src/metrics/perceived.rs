@@ -98,8 +98,8 @@ fn blurred([width, height]: [usize; 2], picture: &[f32], weights: &[f32]) -> Vec
 }
 
 /// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers. It computes in f32.
-/// At 67 pixels per degree, the rounding error is below 6e-6 of the largest error in reach of a pixel; with more pixels per degree, it
-/// may be larger.
+/// At 67 pixels per degree, the rounding error of a pixel is below 6e-6 times the largest input within reach of the filter; with more pixels per
+/// degree, it may be larger.
 pub struct Filter {
     size: [usize; 2],
     gaussians: [Vec<f32>; 2],

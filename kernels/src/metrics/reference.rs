@@ -111,8 +111,8 @@ pub fn remember(now: &[[u32; 2]], reference: &[[u32; 2]], before: Option<&[[f64;
     (0..now.len()).map(pixel).collect()
 }
 
-/// Compares the picture of one seed with the exact blend. `block`: edge of the blocks, pixels. Returns the sums that `seeds_add` and `seeds_blocks`
-/// compute.
+/// Compares the picture of one seed with the exact blend. `block`: edge length of the blocks, pixels. Returns the sums that `seeds_add` and
+/// `seeds_blocks` compute.
 pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]) -> SeedSums {
     let [across, down] = areas(size).map(|n| n as usize);
     let mut sums = SeedSums { areas: vec![AreaSums::default(); across * down], ..SeedSums::default() };

@@ -1,4 +1,4 @@
-//! Statistics over the pictures that one view has with many seeds: bias, variance and clumping of each stream (way to shade), summed on the device.
+//! Statistics over the pictures of one view with many seeds: bias, variance and clumping of each stream (way to shade), summed on the device.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -9,9 +9,10 @@ use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
 
-/// Edge of the blocks from which clumping is computed, pixels.
+/// Edge length of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
-/// Edge of the areas over which the differences of each seed are summed, pixels. The device computes sums per tile; an area consists of 2 x 2 tiles.
+/// Edge length of the areas over which the differences between each seed and the exact blend are summed, pixels. The device computes sums per tile;
+/// an area consists of 2 x 2 tiles.
 pub const AREA: u32 = 2 * classification::TILE;
 
 /// The uniforms of the passes; the layout matches `SeedFrame` in `seeds.wgsl`.

@@ -1,11 +1,11 @@
-// Statistics over the pictures that one view has with many seeds: the moments of each pixel over the seeds, and the clumping of each seed's error.
+// Statistics over the pictures of one view with many seeds: the moments of each pixel over the seeds, and the clumping of each seed's error.
 // Only sums per tile or block are read back, no pictures.
 
 struct SeedFrame {
     size: vec2<u32>,
     tiles: vec2<u32>,
     blocks: vec2<u32>,          // whole blocks, across and down
-    block: u32,                 // edge of a block, pixels
+    block: u32,                 // edge length of a block, pixels
     count: u32,                 // number of seeds so far, including this one
     offset: u32,                // index in `signal` at which the picture begins
     zero: u32,                  // always 0; moments.wgsl explains its use

@@ -1,9 +1,9 @@
 //! Motion: links from each pixel to the pixels that showed the same surface point 1 to 4 frames earlier.
 //!
-//! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, links, and the exact
-//! position of each point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the linked pixel, or
-//! [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the rows is linked; each
-//! frame uses a different quarter. Dispatch: one workgroup per 32 x 8 pixels.
+//! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, links, and, if a
+//! resolve needs it, the exact position of each point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the
+//! linked pixel, or [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the rows is
+//! linked; each frame uses a different quarter. Dispatch: one workgroup per 32 x 8 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 

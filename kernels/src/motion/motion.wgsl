@@ -3,7 +3,7 @@
 
 struct MotionFrame {
     past: array<MotionPast, 4>,     // cameras of the earlier frames, the latest first
-    lags: u32,                      // number of earlier frames, 0..=4
+    lags: u32,                      // number of earlier frames that are available, 0..=4
     slot: u32,                      // index in `distances` at which this frame begins
     tolerance: f32,                 // largest relative difference in depth between two points of one surface
     quarter: u32,                   // index, 0..=3, of the quarter of the rows that is linked at lags 2 to 4
@@ -15,8 +15,8 @@ struct MotionFrame {
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
 // Distance of each pixel's surface point along the view direction, metres; 0 = no terrain. One picture per slot of the ring.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
-// For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the rows of
-// the quarter are written.
+// For each pixel, the index of the pixel nearest to the earlier position of its surface point, or MOTION_NO_LINK; one picture per lag. For lags 2 to
+// 4, only the rows of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
 // For each pixel, the exact position of its surface point one frame earlier, pixels; -1e9 = the point was not seen. Written only with
 // MOTION_POSITIONS.

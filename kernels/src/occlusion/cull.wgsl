@@ -1,11 +1,12 @@
-// Occlusion culling of a phase. A batch is the patches of the phase that one indirect draw draws. For each batch, this pass lists the patches that
-// are not hidden by what earlier phases drew, and writes their number into the indirect draw. The list keeps the order of the patches. One workgroup
-// handles a batch. A prefix sum finds the place of each patch in the list, so that the order does not depend on the scheduling of the device.
+// Occlusion culling of a phase. A batch consists of the patches that one indirect draw of the phase can draw. For each batch, this pass lists the
+// patches that are not hidden by what earlier phases drew, and writes their number into the indirect draw. The list keeps the order of the patches.
+// One workgroup handles a batch. A prefix sum finds the place of each patch in the list, so that the order does not depend on the scheduling of the
+// device.
 
 struct OcclusionBatch {
     first: u32,         // index of the first patch of the batch
     count: u32,         // number of patches of the batch
-    order: u32,         // index in `order` at which the patches of the batch are listed
+    order: u32,         // index in `order` at which the list of the batch begins
     instances: u32,     // index in `arguments` of the number of instances that the batch draws
 }
 
@@ -37,7 +38,7 @@ fn occlusion_at(level: u32, texel: vec2<u32>) -> f32 {
     return pyramid[occlusion_index(frame.size, level, texel)];
 }
 
-// Whether everything that was drawn at the pixels of a box is nearer than the box.
+// Whether everything that was drawn at the pixels that a box covers is nearer than the box.
 fn occlusion_hides(box: OcclusionBox) -> bool {
     let m = transpose(frame.clip_from_local);
     let cover = culling_cover(m[0], m[1], m[3], frame.near_m, box.low, box.high, frame.size);

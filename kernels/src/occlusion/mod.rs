@@ -21,6 +21,8 @@ use crate::shared::culling::level_size;
 use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::view;
 
+pub mod reference;
+
 /// The number of levels that one dispatch makes.
 const LEVELS_PER_DISPATCH: u32 = 3;
 

@@ -1,4 +1,4 @@
-//! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
+//! Inspection of one pixel: the values that the stages of the frame computed for it, and the exact values.
 //!
 //! The values of the stages are read back from the device: depth, both normals, mask, the variant of the tile, derivatives, splat texels, the
 //! recorded choice. The references compute the exact values in f64. The weights of the flavours, the random thresholds, the choice that follows from
@@ -294,7 +294,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     }))
 }
 
-/// Shading normal and triangle's plane of a pixel of the last frame.
+/// Returns two stored normals of a pixel of the last frame: the shading normal, and the normal of the triangle's plane.
 fn stored_normals(frame: &Frame<'_, '_>, index: usize) -> Result<[[f64; 3]; 2]> {
     let encoding = frame.request().geometry.normals;
     let texels = read_texture(frame.renderer().gpu(), &frame.geometry_targets().normals, wgpu::TextureAspect::All, encoding.bytes())?;

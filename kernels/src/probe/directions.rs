@@ -168,8 +168,8 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
         let far = d.between(-4.0, 12.0).exp2();
         let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
-        // The shading normal is the plane's upper normal plus a random vector of length 1/256 to 1.4. For a quarter of the overhangs, the
-        // lower normal takes the place of the upper one.
+        // The shading normal is the plane's upper normal plus a random vector of length 1/256 to 1.4. If n points down, the lower normal takes
+        // the place of the upper one in a quarter of the rows.
         let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
         let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
         let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
@@ -529,9 +529,9 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. Two words of different forms,
-    // one fine and one plain (see normal_pair.rs), count as a difference: rounding could only cause this if the code also lay on the border
-    // of the range that a fine word can store.
+    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. But if one word is fine and the other
+    // plain (see normal_pair.rs), this counts as a difference. Rounding is a very unlikely cause of it: the shading normal's code would also have
+    // to lie at the limit of the range that a fine word can store.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };

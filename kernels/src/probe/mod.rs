@@ -81,8 +81,8 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// The type that a reference reads and writes. It stores a real number or a word. In place of a word, f32 stores the bits of the word, and
-/// f64 stores the value of the word.
+/// The number type of the cells that a reference reads and writes. A cell is a real number or a word. In place of a word, f32 stores its bits, and
+/// f64 stores its value.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;

@@ -111,7 +111,7 @@ impl<'a> Table<'a> {
         Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &output, out_bytes)?))
     }
 
-    /// Creates a texture from the blocks with which the rows begin, 4 x 4 texels each, and a sampler that reads the nearest texel.
+    /// Each input row begins with a compressed block of 4 x 4 texels. Creates a texture from these blocks, and a sampler that reads the nearest texel.
     fn blocks(&self, format: wgpu::TextureFormat, inputs: &[u32]) -> (wgpu::TextureView, wgpu::Sampler) {
         let words = format.block_copy_size(None).unwrap_or(0) as usize / 4;
         let mut bytes: Vec<u8> =

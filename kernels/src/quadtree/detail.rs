@@ -7,11 +7,11 @@ use crate::world::payload::{diagonal_rises, height_in_quad};
 /// The vertex strides above 1 for which the error is known. With the last stride, a patch consists of two triangles.
 pub const COARSE_STRIDES: [u32; 4] = [2, 4, 8, 16];
 
-/// For each stride, the largest difference in height between the surface of a patch and its surface with this stride, in units of the heights. The
-/// surfaces are made of triangles whose diagonals alternate. `height(i, j)` is the height of the vertex in column i and row j of the patch, both
-/// 0..=16.
+/// For each stride, the largest difference in height between the surface of a patch and its surface with this stride, in units of the heights. Both
+/// surfaces consist of quads whose diagonals alternate in direction. `height(i, j)` is the height of the vertex in column i and row j of the patch,
+/// both 0..=16.
 ///
-/// The difference of two such surfaces is largest at a corner of the areas in which both are planes. These corners are the vertices: the diagonal of
+/// The difference of two such surfaces is largest at a corner of the areas in which both are plane. These corners are the vertices: the diagonal of
 /// a larger quad runs along diagonals of the smaller quads and crosses none of them, because their diagonals alternate.
 pub fn stride_errors(height: impl Fn(usize, usize) -> f64) -> [f64; COARSE_STRIDES.len()] {
     let quads = NODE_QUADS as usize / cones::PATCHES;

@@ -1,6 +1,6 @@
-//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is close to the camera. The nodes of
-//! a level are loaded before any of them is split. The selection does not depend on the direction of the camera. So turning the camera loads no nodes,
-//! and no cached page of the virtual texture has to be rendered again. The stage `culling` drops what is outside the frustum.
+//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is close to the camera. The nodes
+//! of a level are loaded before any of them is split. The selection does not depend on the direction of the camera. So turning the camera loads no
+//! nodes, and no cached page of the virtual texture has to be rendered again. The stage `culling` drops what is outside the frustum.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
@@ -65,7 +65,7 @@ impl PatchBounds {
 pub struct Wanted {
     /// The node.
     pub node: NodeId,
-    /// Whether it is available. It is not visited if one of its ancestors is not split.
+    /// Whether the node is available. Even then, it is not visited if one of its ancestors is not split.
     pub is_available: bool,
     /// Distance of the parent from the camera, divided by the edge length of the parent.
     pub distance: f64,

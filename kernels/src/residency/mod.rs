@@ -102,7 +102,7 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     use wgpu::TextureFormat as Format;
     let node = |name, format, texels: usize, reason| {
-        let edge = u32::try_from(texels).expect("the edge of a node has some hundred texels");
+        let edge = u32::try_from(texels).expect("the edge of a node has a few hundred texels");
         TextureUse::new(name, format, edge, 1, CAPACITY + 1, reason)
     };
     vec![

@@ -1,9 +1,9 @@
 //! Simulated streaming: the nodes that have arrived in each frame, as a function of the earlier views.
 //!
 //! Source: Moore, GDC 2018, "Stream Quad Tree": the terrain is drawn correctly whatever has arrived. Real loading depends on the disk, on threads and
-//! on the clock, so its pictures cannot be repeated. Here, a node arrives a fixed number of frames after its request, and a limited number of nodes is
-//! requested per frame. So a frame depends only on the views of the frames before it, and not on what the atlases hold: a node that has arrived and
-//! was replaced in the atlases is baked again when it is visited.
+//! on the clock, so its pictures cannot be repeated. Here, a node arrives a fixed number of frames after its request, and a limited number of nodes
+//! is requested per frame. So a frame depends only on its view and the earlier views, and not on what the atlases hold: a node that has arrived
+//! and was replaced in the atlases is baked again when it is visited.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,13 +13,13 @@ use super::CAPACITY;
 use crate::quadtree::{Selection, Wanted};
 use crate::world::{LODS, NodeId};
 
-/// The nodes from which a frame is selected.
+/// The nodes that a frame can draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Residency {
     /// All nodes. The frame waits for those that it visits.
     #[default]
     Settled,
-    /// The nodes that have arrived in a frame of a [`Arrivals`]. The number identifies the set of nodes
+    /// The nodes that have arrived according to an [`Arrivals`]. The number identifies the set of nodes
     /// ([`Renderer::arrive`](crate::frame::Renderer::arrive)).
     Arrived(u64),
 }
@@ -50,14 +50,14 @@ impl Loading {
 /// The speed of simulated streaming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
-    /// Largest number of nodes that are requested in one frame, from 1.
+    /// Largest number of nodes that are requested in one frame, at least 1.
     pub nodes_per_frame: u32,
-    /// Number of frames from the request of a node to the first frame that can draw it, from 1.
+    /// Number of frames from the request of a node to the first frame that can draw it, at least 1.
     pub latency_frames: u32,
 }
 
 impl Default for Schedule {
-    /// A payload has 72 419 bytes, so 8 nodes per frame are at most 17 MB/s at 30 frames per second.
+    /// A payload has 72 419 bytes, so 8 nodes per frame are at most 17.4 MB/s at 30 frames per second.
     fn default() -> Schedule {
         Schedule { nodes_per_frame: 8, latency_frames: 8 }
     }
@@ -72,9 +72,9 @@ pub struct Arrivals {
     schedule: Schedule,
     /// Number of the next frame.
     frame: u64,
-    /// The nodes that have arrived, without the roots, with the last frame that visited each of them.
+    /// For each node that has arrived, except the roots: the last frame that visited it or, before its first visit, the frame at which it arrived.
     used: BTreeMap<NodeId, u64>,
-    /// The nodes that were requested, with the first frame that can draw each of them.
+    /// For each node that was requested and has not arrived: the first frame that can draw it.
     requested: BTreeMap<NodeId, u64>,
     arrived: NodeSet,
 }
@@ -93,7 +93,7 @@ impl Arrivals {
         arrivals
     }
 
-    /// Largest number of nodes without the roots.
+    /// Largest number of nodes that can be held in addition to the roots.
     fn room(&self) -> usize {
         CAPACITY as usize - NodeId::roots().count()
     }
@@ -112,9 +112,9 @@ impl Arrivals {
         self.requested.len()
     }
 
-    /// Ends a frame that drew `selection`. The most urgent of its wanted nodes are requested. Nodes arrive that the next frame can draw. If the
-    /// atlases have no room for a node, it replaces the node whose last visit is the longest ago. Nodes of the ended frame are not replaced: if there
-    /// are no others, the node that arrives is discarded, and has to be requested again.
+    /// Ends a frame that drew `selection`. The most urgent of its wanted nodes are requested. Then the nodes that are due for the next frame arrive.
+    /// If the atlases have no room for a node, it replaces the node whose last visit is the longest ago. Nodes of the ended frame are not replaced:
+    /// if there are no others, the node that arrives is discarded, and has to be requested again.
     pub fn step(&mut self, selection: &Selection) {
         // Available nodes below a missing one count as visited, so that they are not replaced before they can be drawn.
         let held = selection.wanted.iter().filter(|wanted| wanted.is_available).map(|wanted| &wanted.node);
@@ -135,8 +135,8 @@ impl Arrivals {
         if due.is_empty() {
             return;
         }
-        // The nodes that may be replaced, in the order in which they are replaced. A node is never visited more recently than its parent, so the finer
-        // of two nodes that were visited last in the same frame goes first.
+        // The nodes that may be replaced, in the order in which they are replaced. A node is never visited more recently than its parent, so the
+        // finer of two nodes that were visited last in the same frame goes first.
         let mut idle: Vec<(u64, NodeId)> = self.used.iter().filter(|(_, used)| **used < ended).map(|(&node, &used)| (used, node)).collect();
         idle.sort_unstable();
         let mut idle = idle.into_iter();

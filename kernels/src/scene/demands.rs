@@ -31,7 +31,7 @@ pub struct Demands {
     pub colour_modulation: bool,
     /// Anisotropy of detail textures, 1 = none.
     pub anisotropy: u16,
-    /// Edge of detail textures, texels.
+    /// Edge length of detail textures, texels.
     pub detail_size: u32,
     /// Number of layers in each array of detail textures. Materials with the same source share a layer.
     pub detail_layers: u32,
@@ -89,7 +89,7 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourDemand> {
         Flavour::Splat if cliffs && rules.splat_band_deg > 0.0 => (
             true,
             format!(
-                "slopes of up to {} degrees below {} degrees, nearer than {} m",
+                "slopes in the band of {} degrees below {} degrees, nearer than {} m",
                 rules.splat_band_deg, rules.cliff_slope_deg, rules.cliff_near_m
             ),
         ),

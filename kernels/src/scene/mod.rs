@@ -1,4 +1,4 @@
-//! A scene file: what a scene contains, but not how it is drawn.
+//! A scene file: what a scene contains, and how its materials are blended. The choices of a frame, such as the noise, are not part of it.
 //!
 //! The types below are the schema of the file (TOML; unknown keys are refused). Lengths are in metres, angles in
 //! degrees, colours in linear RGB. The origin is at the centre of the world; x points east, y north, z up.
@@ -79,7 +79,8 @@ pub enum World {
         /// Circular holes; most scenes have none.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Peak-to-peak strength of the colour modulation map, 0 to 1. 0 = there is no map, and nothing is sampled.
+        /// Range of brightness in the colour modulation map, from its darkest to its lightest value, 0 to 1. 0 = there is no map, and nothing is
+        /// sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
@@ -101,7 +102,8 @@ pub enum World {
         /// Circular holes.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Peak-to-peak strength of the colour modulation map, 0 to 1. 0 = there is no map, and nothing is sampled.
+        /// Range of brightness in the colour modulation map, from its darkest to its lightest value, 0 to 1. 0 = there is no map, and nothing is
+        /// sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
@@ -123,14 +125,14 @@ pub struct Hole {
 pub struct Material {
     /// Unique name.
     pub name: String,
-    /// A built-in procedural material. Exactly one of `procedural` and `folder` is given.
+    /// Name of a built-in procedural material. Exactly one of `procedural` and `folder` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedural: Option<String>,
     /// Folder with images named `albedo`, `normal`, `height`, `roughness` and, optionally, `ao`, or as Poly Haven, ambientCG and Quixel name them.
     /// The path is relative to the folder of the scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
-    /// Edge of one repeat of the texture, metres.
+    /// Edge length of one repeat of the texture, metres.
     pub tile_m: f64,
     /// Rotation of the texture, degrees, -360 to 360. In the projection from above, positive angles turn it anticlockwise.
     #[serde(default)]
@@ -200,12 +202,12 @@ pub struct Stroke {
     pub points: Vec<[f64; 2]>,
     /// Half the width of the line, metres, > 0.
     pub radius_m: f64,
-    /// Width of the soft edge of a mask, metres, 0 to `radius_m`. The soft edge lies inside the line. A stroke of kind `splat` has no soft edge,
-    /// because a splat map holds one material per texel.
+    /// Width of the soft edge of a stroke of kind `mask`, metres, 0 to `radius_m`. The soft edge lies inside the line. A stroke of kind `splat` has
+    /// no soft edge, because a splat map holds one material per texel.
     #[serde(default)]
     pub fade_m: f64,
-    /// Factor on the weights of the material's rules, in the middle of a mask: 0 removes the material, 1 changes nothing. A stroke of kind `splat`
-    /// does not use this value.
+    /// Factor of a stroke of kind `mask` on the weights of the material's rules, except in the soft edge: 0 removes the material, 1 changes nothing.
+    /// A stroke of kind `splat` does not use this value.
     #[serde(default)]
     pub amount: f64,
 }
@@ -235,7 +237,7 @@ pub struct CameraPose {
     /// Whether z is measured from the ground below.
     #[serde(default)]
     pub above_ground: bool,
-    /// Compass bearing of the view direction: 0 = north (+y), 90 = east (+x).
+    /// Compass bearing of the view direction, degrees: 0 = north (+y), 90 = east (+x).
     pub yaw_deg: f64,
     /// Angle of the view direction above the horizon, degrees, -90 to 90.
     pub pitch_deg: f64,
@@ -254,7 +256,7 @@ fn default_fov() -> f64 {
 pub struct CameraPath {
     /// Unique name.
     pub name: String,
-    /// Frames between two key poses, >= 1.
+    /// Number of frames from one key pose to the next, >= 1.
     pub frames_per_key: u32,
     /// The key poses, at least two.
     #[serde(rename = "key")]

@@ -1,4 +1,4 @@
-//! The settings of a scene: its single values, each declared once. Values in lists (materials, rules, strokes, cameras) are not settings.
+//! The settings of a scene, each declared once: all numbers outside the lists of materials, rules, strokes, holes, cameras and paths.
 
 use serde::{Deserialize, Serialize};
 use toml::Value;
@@ -33,7 +33,8 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
-        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0 means no virtual texture.
+        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0 means no virtual
+        /// texture.
         far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
         /// Cliffs nearer than this distance are shaded by the flavour `near-cliff`, cliffs beyond it by `far-cliff` (Far Cry 5: 30 m).
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
@@ -45,8 +46,8 @@ table! {
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
-        /// Width of the range of slopes over which flavours blend, at `cliff_slope_deg` and at the lower end of the splat band. Half of the width is on
-        /// either side of these slopes.
+        /// Width of the range of slopes over which flavours blend, at `cliff_slope_deg` and at the lower end of the splat band. Half of the width is
+        /// on either side of these slopes.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
         /// Width of the band of slopes just below `cliff_slope_deg` that is shaded by full tri-planar splat, up to the distance `cliff_near_m`.
         /// These slopes are too steep for one projection, and they border on contrasting materials. 0: no splat.
@@ -112,7 +113,7 @@ table! {
     }
 }
 
-/// Default edge of detail textures, texels.
+/// Default edge length of detail textures, texels.
 pub(super) const DETAIL_SIZE: u32 = 1024;
 
 /// The settings of the table `world`, and those outside all tables of the scene file. The kind of the world decides which settings of
@@ -123,7 +124,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: Kind::Whole(0, u32::MAX),
         default: || None,
-        about: "Seed of the procedural world, or of the added relief and the noise masks of a heightmap world. A heightmap world without this key has seed 0.",
+        about: "Seed of the procedural world, or of the added relief, the noise masks and the colour modulation map of a heightmap world. A heightmap world without this key has seed 0.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
@@ -137,7 +138,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: number(0.0, 1.0),
         default: || Some(Value::Float(0.0)),
-        about: "Peak-to-peak strength of the colour modulation map. 0: there is no map, and nothing is sampled.",
+        about: "Range of brightness in the colour modulation map, from its darkest to its lightest value. 0: there is no map, and nothing is sampled.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),

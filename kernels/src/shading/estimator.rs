@@ -8,7 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
 use crate::variant::{Flavour, Variant};
 
-/// How a flavour computes its value. Virtual texture and far atlas are the same in all estimators.
+/// How a flavour computes its value. Virtual texture and far atlas are the same in all estimators but [`Estimator::Variance`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Estimator {
     /// The estimator of Far Cry 5: random choices on cliffs (Moore, GDC 2018, "Cliff Shading").
@@ -97,7 +97,7 @@ impl Estimator {
         self.taken().name
     }
 
-    /// Index of a flavour in the arrays of [`Taken`]; `None` if the flavour is the same in all estimators.
+    /// Index of a flavour in the arrays of [`Taken`]; `None` for virtual texture and far atlas, which these arrays do not contain.
     const fn place(flavour: Flavour) -> Option<usize> {
         match flavour {
             Flavour::VirtualTexture | Flavour::FarAtlas => None,

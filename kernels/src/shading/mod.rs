@@ -89,7 +89,7 @@ pub struct Settings {
     pub anisotropic: bool,
     /// Whether a tile is drawn as one triangle, see [`tile_vertices`](crate::classification::tile_vertices).
     pub one_triangle: bool,
-    /// Edge of a tile, pixels.
+    /// Edge length of a tile, pixels.
     pub tile: u32,
 }
 

@@ -9,7 +9,7 @@ override NOISE: u32 = 0u;
 // Whether a tile is drawn as one triangle; the depth test discards the part of it below the tile. If not, a tile is two triangles that share a
 // diagonal. Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
 override ONE_TRIANGLE: bool = false;
-// Edge of a tile, pixels.
+// Edge length of a tile, pixels.
 override TILE: u32 = 8u;
 // Whether splat blends two tiling scales, which doubles its fetches. With the estimators `fc5` and `exact`, splat then takes 96 fetches and gives the
 // reference blend.

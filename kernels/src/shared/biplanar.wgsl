@@ -1,8 +1,9 @@
 // The two projections that a surface faces most, with weights that drop the third projection without a seam.
 // Source: Quilez, "Biplanar mapping", 2020.
 
-// 1 / sqrt 3: each component of a direction that faces all three axes equally. Components of at most this size have weight 0. Where the middle
-// and the smallest component are equal in size, the dropped projection changes. Neither component is then larger than 1 / sqrt 3, so no weight jumps.
+// 1 / sqrt 3: the size of each component of a unit vector that faces all three axes equally. Components of at most this size have weight 0. Where the
+// middle and the smallest component are equal in size, the dropped projection changes. Neither component is then larger than 1 / sqrt 3, so no weight
+// jumps.
 const BIPLANAR_DIAGONAL: f32 = 0.57735027;
 const BIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 

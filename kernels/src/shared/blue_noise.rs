@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 
 use super::hash;
 
-/// Edge of a mask, pixels. Masks repeat with this period.
+/// Edge length of a mask, pixels. Masks repeat with this period.
 pub const EDGE: u32 = 64;
 /// Slices of the spatio-temporal mask, one per frame. The mask repeats with this period.
 pub const SLICES: u32 = 16;

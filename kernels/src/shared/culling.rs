@@ -215,7 +215,7 @@ mod tests {
     /// A function that computes the size of a level of the pyramid, as [`level_size`] does.
     type Sizes = fn([u32; 2], u32) -> [u32; 2];
 
-    /// Texels of a level of the pyramid, row by row. Beyond the last column and row, the nearest texel is read, as a shader does that clamps its
+    /// Texels of a level of the pyramid, row by row. Beyond the last column and row, the nearest texel is read, as by a shader that clamps its
     /// coordinates.
     struct Texels {
         size: [u32; 2],

@@ -35,10 +35,10 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
 struct CullingCover {
     // Whether it is known which pixels the box covers. If not, the other members have no meaning.
     known: bool,
-    // First and last column and row of pixels, from the upper left corner.
+    // First and last column and row of pixels, counted from the upper left corner of the picture.
     first: vec2<u32>,
     last: vec2<u32>,
-    // Reversed depth of the nearest point: distance of the near plane / distance along the view.
+    // Reversed depth of the box's nearest point: distance of the near plane / distance of the point along the view direction.
     depth: f32,
 }
 

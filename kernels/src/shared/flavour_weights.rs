@@ -53,13 +53,13 @@ pub struct FlavourParams {
     pub cliff_far_atlas_m: f32,
     /// Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     pub cliff_near_m: f32,
-    /// Half the width of a distance blend, as a share of the distance of the border, 0..=1.
+    /// Half the width of the transition between two flavours, as a share of the distance at which they change, 0..=1.
     pub distance_blend: f32,
     /// Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
     /// not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
     pub cliff_cos: [f32; 2],
-    /// Two values of the unit normal's z, first < second. Surfaces that are not cliff are shaded as splat if z is below the first, and as ground if z
-    /// is above the second; between them, splat fades out.
+    /// Two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat if z is below
+    /// the first, and as ground if z is above the second; between them, splat fades out.
     pub splat_cos: [f32; 2],
     /// Not 0 if there is a splat band.
     pub splat_enabled: u32,

@@ -11,13 +11,13 @@ struct FlavourParams {
     cliff_far_atlas_m: f32,
     // Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     cliff_near_m: f32,
-    // Half the width of a distance blend, as a share of the distance of the border, 0..=1.
+    // Half the width of the transition between two flavours, as a share of the distance at which they change, 0..=1.
     distance_blend: f32,
-    // Two values of the unit normal's z, x < y. Surfaces with z below x are shaded as cliff, surfaces with z above y are not; between them, cliff
-    // fades out. If y is -1 or less, there are no cliffs.
+    // Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
+    // not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
     cliff_cos: vec2<f32>,
-    // Two values of the unit normal's z, x < y. Surfaces that are not cliff are shaded as splat if z is below x, and as ground if z is above y;
-    // between them, splat fades out.
+    // Two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat if z is below
+    // the first, and as ground if z is above the second; between them, splat fades out.
     splat_cos: vec2<f32>,
     // Not 0 if there is a splat band.
     splat_enabled: u32,

@@ -36,8 +36,8 @@ fn hex_tiling_power(w: f32) -> f32 {
 // The hexagons around a point. Both coordinates are given as `sector` whole sectors plus `position` metres, |position| at most a few sectors.
 fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i32) -> HexTiling {
     let k = clamp(level, HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
-    // Skewed coordinates a = x - y / sqrt 3, b = 2 y / sqrt 3 in units of a hexagon's spacing. Whole sectors are in fixed point, with 16 bits before
-    // and after the point.
+    // Skewed coordinates a = x - y / sqrt 3, b = 2 y / sqrt 3 in units of the lattice spacing. Whole sectors are in fixed point, with 16 bits before
+    // and 16 bits after the binary point.
     let s = bitcast<vec2<u32>>(sector);
     let step = u32(k - HEX_TILING_LEVEL_MIN);
     let skewed_y = s.y * (HEX_TILING_SKEW << step);

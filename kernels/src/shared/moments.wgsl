@@ -19,9 +19,9 @@ fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
     return vec2<f32>(high, low - moments_rounded(high - sum, zero));
 }
 
-// State: (mean high, mean low, squares high, squares low). `sample` is (high, low), too; low is 0 for a plain f32. `count` includes the sample, so it
-// is 1 for the first. A sample that is not finite, or farther than 1e15 from the mean so far, counts as the mean. With this limit, the sum of a
-// million squares fits f32. `zero` is 0, read from memory; see moments_rounded.
+// State: the mean as (high, low), then the sum of squared differences from the mean as (high, low). `sample` is (high, low), too; low is 0 for a
+// plain f32. `count` includes the sample, so it is 1 for the first. A sample that is not finite, or farther than 1e15 from the mean so far, counts
+// as the mean. With this limit, the sum of a million squares fits f32. `zero` is 0, read from memory; see moments_rounded.
 fn moments_add(state: vec4<f32>, sample: vec2<f32>, count: f32, zero: u32) -> vec4<f32> {
     let n = max(count, 1.0);
     let difference = moments_rounded(sample.x - state.x, zero) + moments_rounded(sample.y - state.y, zero);

@@ -9,9 +9,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::real::{Real, add, dot, length, scale};
 
-/// A point is reprojected only if its distance along the view direction is larger than this, metres.
+/// A point is reprojected only if its distance along the earlier view direction is larger than this, metres.
 pub const MIN_DISTANCE: f64 = 1e-4;
-/// A point is reprojected only if its distance along the view direction is smaller than this, metres.
+/// A point is reprojected only if its distance along the earlier view direction is smaller than this, metres.
 pub const FAR: f64 = 1e9;
 
 /// The camera of an earlier frame, relative to the eye of a later frame. In the descriptions of the fields, q is a point relative to the earlier eye,
@@ -116,8 +116,9 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a row of pixels belongs to a quarter of the rows; `quarter` is 0 to 3. A quarter has one of each four rows; this row moves by one from
-/// each four rows to the next. In WGSL: `motion_row_of_quarter`, which returns the one of four rows that belongs to the quarter.
+/// Whether a row of pixels belongs to a quarter of the rows; `quarter` is 0 to 3. The rows are divided into groups of four. A quarter has one row of
+/// each group; from each group to the next, the place of this row in the group moves by one. In WGSL: `motion_row_of_quarter`, which returns the row
+/// of a group that belongs to the quarter.
 pub fn in_quarter(row: u32, quarter: u32) -> bool {
     row % 4 == (quarter + row / 4) % 4
 }

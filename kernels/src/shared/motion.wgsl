@@ -15,7 +15,7 @@ struct MotionPast {
     pad_1: f32,
 }
 
-// MOTION_MIN_DISTANCE, MOTION_FAR: a pixel is computed only if the distance along the view direction is between these two limits, metres.
+// MOTION_MIN_DISTANCE, MOTION_FAR: a point is reprojected only if its distance along the earlier view direction is between these limits, metres.
 
 // Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
 // the point is behind the earlier camera, its distance is not between MOTION_MIN_DISTANCE and MOTION_FAR, a coordinate of the pixel is beyond 1e9, or
@@ -52,14 +52,14 @@ fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
 }
 
 // Whether a surface at the distance `found` in the earlier frame is the surface that is expected at the distance `expected`. Both are metres along
-// the view direction, 0 = no surface. They may differ by at most `tolerance` times `expected`.
+// the earlier view direction, 0 = no surface. They may differ by at most `tolerance` times `expected`.
 fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
 
-// The row that belongs to `quarter`, 0..=3, among the four rows that begin at row `first`, a multiple of 4. A quarter has whole rows, because their
-// pixels share cache lines. Its row moves by one from each four rows to the next, so a pattern with a period of 2 or 4 rows is sampled evenly.
-// Each row belongs to exactly one quarter.
+// The row that belongs to `quarter`, 0..=3, in the group of four rows that begins at row `first`, a multiple of 4. A quarter consists of whole rows,
+// because the pixels of a row share cache lines. From each group to the next, the place of this row in the group moves by one, so a pattern with a
+// period of 2 or 4 rows is sampled evenly. Each row belongs to exactly one quarter.
 fn motion_row_of_quarter(first: u32, quarter: u32) -> u32 {
     return first + ((quarter + first / 4u) & 3u);
 }

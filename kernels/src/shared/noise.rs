@@ -15,9 +15,9 @@
 //!
 //! A position is computed in f32, so the same point of the ground has slightly different coordinates in two frames. If cells were as small as this
 //! difference, points would change their cells and random numbers whenever the camera moves, even by a centimetre. Three rules, which the paper does
-//! not have, keep cells larger:
+//! not have, make such changes rare:
 //!
-//! - No cell is narrower than 2^[`STEPS`] steps of f32, that is, distances between neighbouring f32 values ([`finest`]). Along the elevation, the
+//! - No cell is narrower than 2^[`STEPS`] steps of f32 ([`finest`]). A step is the distance between neighbouring f32 values. Along the elevation, the
 //!   step depends on the elevation of the point: it is 0.06 mm at 700 m. Along east and north, the step is that at the coordinate
 //!   [`HashedPoint::sector_m`]. This step is the same for all points, so that the noise does not depend on the sector relative to which a point is
 //!   given.
@@ -26,7 +26,7 @@
 //!   rounding error of depth would move points to other cells. A share of the footprint is enough as a limit, because this error grows with the
 //!   distance, as footprints do.
 //! - Along the elevation, borders between cells are a third of a cell above the multiples of the cell width ([`BORDER`]). Otherwise, level ground at
-//!   a whole elevation would lie on a border, and one step of f32 would move all of it to other cells.
+//!   an elevation of whole metres would lie on a border, and one step of f32 would move all of it to other cells.
 //!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
 //! direction: a rational lattice whose 3 x 3 neighbourhoods contain evenly spread values. It is computed in fixed point here, where the products are
@@ -46,7 +46,7 @@ use crate::base::wgsl::Constant;
 pub const LEVEL_MIN: i32 = -5;
 /// Scale of the smallest cells, log2 of cells per metre. [`finest`] returns the limit at a place, which may be lower.
 pub const LEVEL_MAX: i32 = 16;
-/// No cell is narrower than 2^`STEPS` steps of f32, that is, distances between neighbouring f32 values at its coordinate.
+/// No cell is narrower than 2^`STEPS` times the distance between neighbouring f32 values at the coordinate of the cell.
 pub const STEPS: i32 = 4;
 /// Scale of the smallest cells along an axis whose largest coordinate is 1 m: f32 has 23 bits after the leading one.
 const FINEST_AT_1_M: i32 = 23 - STEPS;
@@ -344,8 +344,8 @@ pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, sa
     })
 }
 
-/// The thresholds of this kind, for a point that is seen in a pixel of a frame. `world_level` is the level of [`white_world`]; the other
-/// kinds do not use it. This function looks up the ranks of a mask itself; in WGSL (`noise_thresholds`), the caller loads them.
+/// The thresholds of the given kind of noise, for a point that is seen in a pixel of a frame. `world_level` is the level of [`white_world`]; the
+/// other kinds do not use it. This function looks up the ranks of a mask itself; in WGSL (`noise_thresholds`), the caller loads them.
 pub fn thresholds<T: Real>(
     kind: NoiseKind,
     point: &HashedPoint<T>,
@@ -370,7 +370,7 @@ pub fn thresholds<T: Real>(
 }
 
 /// The finest scale along each axis: log2 of cells per metre, from [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. A cell of this scale is at least 2^[`STEPS`]
-/// steps of f32 wide. In WGSL: `noise_finest`.
+/// times as wide as the distance between neighbouring f32 values. In WGSL: `noise_finest`.
 pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
     let across = finest_along(bounded(point.sector_m, 0.0, 1e12));
     [across, across, finest_along(usable(point.position[2]))]
@@ -378,7 +378,8 @@ pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
 
 /// The finest scale along an axis whose coordinates have magnitudes up to that of `largest`, m.
 fn finest_along<T: Real>(largest: T) -> i32 {
-    // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
+    // log2, rounded to the nearest whole number. It is read from the bits, because the function log2 is not exact, and its rounded result could be
+    // wrong by 1.
     let (mantissa, exponent, _) = largest.integer_decode();
     let zeros = mantissa.leading_zeros();
     let is_above = mantissa.unbounded_shl(zeros + 1) >= u64::from(OCTAVE_BORDER) << 41;
@@ -438,7 +439,7 @@ fn whole<T: Real>(x: T) -> i64 {
     bounded(x, -2_147_483_520.0, 2_147_483_520.0).to_i64().expect("bounded")
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells count modulo 2^32, as in the shader")]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the numbers of cells wrap at 2^32, as in the shader")]
 fn wrapped(cell: i64) -> u32 {
     cell as u32
 }

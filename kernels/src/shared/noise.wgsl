@@ -13,17 +13,18 @@ const NOISE_BELOW_ONE: f32 = 0.99999994;
 // Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
-// The finest scale along an axis whose coordinates are at most |largest|, m. A cell is then at least 16 steps between neighbouring f32 values wide,
-// so that rounding seldom moves a position to another cell.
+// The finest scale along an axis whose coordinates have magnitudes up to |largest|, m. A cell is then at least 16 times as wide as the distance
+// between neighbouring f32 values, so that rounding seldom moves a position to another cell.
 fn noise_finest_along(largest: f32) -> i32 {
-    // log2, rounded to the nearest whole number, from the bits: the function log2 may be wrong next to a border.
+    // log2, rounded to the nearest whole number. It is read from the bits, because the function log2 is not exact, and its rounded result could be
+    // wrong by 1.
     let bits = bitcast<u32>(largest);
     let octave = i32((bits >> 23u) & 0xffu) - 127 + select(0, 1, (bits & 0x7fffffu) >= NOISE_OCTAVE_BORDER);
     return clamp(i32(NOISE_FINEST_AT_1_M) - octave, i32(NOISE_LEVEL_MIN) + 1, i32(NOISE_LEVEL_MAX));
 }
 
 // The finest scale along each axis. The scales along east and north follow from the width of a sector and not from the position. So they are the same
-// in all sectors, and there is no seam.
+// in all sectors, and there is no seam between sectors.
 fn noise_finest(sector_m: f32, elevation: f32) -> vec3<i32> {
     let across = noise_finest_along(usable_positive_1(sector_m, 1e12));
     return vec3<i32>(across, across, noise_finest_along(usable_1(elevation)));
@@ -65,7 +66,8 @@ fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
 }
 
-// Cell along the elevation. Borders are a third of a cell above the multiples of the cell width, because level ground often has a whole elevation.
+// Cell along the elevation. Borders are a third of a cell above the multiples of the cell width, because level ground is often at an
+// elevation of whole metres.
 fn noise_cell_up(elevation: f32, k: i32) -> u32 {
     let scaled = noise_place(elevation) * noise_power_of_two(k);
     return noise_cell(0, elevation, 0.0, k) + select(0u, 1u, scaled - floor(scaled) >= NOISE_BORDER);
@@ -211,8 +213,8 @@ fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ran
     return vec4<f32>(hash_to_unit(u.x), hash_to_unit(u.y), hash_to_unit(u.z), hash_to_unit(u.w));
 }
 
-// Thresholds of this kind of noise; an unknown kind gives white noise. `world_level` is the log2 of the number of fixed cells per metre. `ranks` are
-// the ranks at noise_rank_index for decisions 0 to 3; kinds without a mask do not use them.
+// Thresholds of the given kind of noise; an unknown kind gives white noise. `world_level` is the log2 of the number of fixed cells per metre. `ranks`
+// are the ranks at noise_rank_index for decisions 0 to 3; kinds without a mask do not use them.
 fn noise_thresholds(
     kind: u32,
     sector: vec2<i32>,

@@ -14,8 +14,8 @@
 //!
 //! Sources: the octahedral codes are from Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. The
 //! packing is new; `docs/stability-lab.md` derives it in section 3. If the angle between the true and the decoded plane is ε, the relative error of a
-//! derivative is at most sin ε / cos, where cos is the cosine between the decoded plane's normal and the neighbour's ray (section 2 of that
-//! document).
+//! derivative is at most sin ε / |c|, where c is the cosine of the angle between the decoded plane's normal and the neighbour's ray (section 2 of
+//! that document).
 
 use super::octahedral;
 use super::real::{Real, dot, sub};

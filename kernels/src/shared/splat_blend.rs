@@ -39,9 +39,9 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     bent.map(|x| x / sum)
 }
 
-/// The weights of [`weights`], computed term by term for callers that cannot store all four terms. For each term, first multiply the sum so far by
-/// `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of the
-/// terms by the sum of the shares.
+/// Computes a mean of four values with the weights of [`weights`], one value at a time, for callers that cannot store all four values. After each
+/// call of [`Run::add`], first multiply the sum so far by `keep`, then add the value times `share`. Accumulate the sum of the shares in the same way;
+/// it is at least 1. At the end, divide the sum of the values by the sum of the shares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run<T> {
     score: T,
@@ -49,17 +49,17 @@ pub struct Run<T> {
     height: T,
     /// Factor on the sum so far.
     pub keep: T,
-    /// Factor on the term that was just added.
+    /// Factor on the value whose weight was just given to [`Run::add`].
     pub share: T,
 }
 
 impl<T: Real> Run<T> {
-    /// The state before the first term.
+    /// The state before the first value.
     pub fn start() -> Run<T> {
         Run { score: T::of(-1e30), weight: T::zero(), height: T::zero(), keep: T::one(), share: T::zero() }
     }
 
-    /// Adds a term with a bilinear `weight`, 0..=1. The other parameters are those of [`weights`].
+    /// Adds the weight of one value: its bilinear `weight`, 0..=1, modified by `height`. `height` and `sharpness` are as in [`weights`].
     #[must_use]
     pub fn add(self, weight: T, height: T, sharpness: T) -> Run<T> {
         let w = bounded(weight, 0.0, 1.0);
@@ -69,7 +69,7 @@ impl<T: Real> Run<T> {
         let h = bounded(usable(height), -MAX_HEIGHT, MAX_HEIGHT);
         let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
         let score = w.log2() + k * h;
-        // The term of weight `w` and height `h`, divided by the largest term, `winner`.
+        // The term w 2^(k h), divided by the largest term so far, whose w and h are `winner`.
         let ratio = |w: T, h: T, winner: (T, T)| (w / winner.0) * (k * (h - winner.1)).exp2();
         if score > self.score {
             let keep = if self.weight > T::zero() { ratio(self.weight, self.height, (w, h)) } else { T::zero() };

@@ -49,9 +49,10 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
 
-// The weights of splat_blend_weights, computed term by term for callers that cannot store all four terms. For each term, first multiply the sum so
-// far by `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of
-// the terms by the sum of the shares.
+// Computes a mean of four values with the weights of splat_blend_weights, one value at a time, for callers that cannot store all four values. After
+// each call of splat_blend_add, first multiply the sum so far by `keep`, then add the value times `share`. Accumulate the sum of the shares in the
+// same way; it is at least 1. At the end, divide the sum of the values by the sum of the shares. A term is w 2^(k h), the unnormalised weight of a
+// value.
 struct SplatBlendRun {
     score: f32,                 // log2 w + k h of the largest term so far
     weight: f32,                // w of the largest term so far

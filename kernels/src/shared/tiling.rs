@@ -24,7 +24,7 @@ pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
 /// `sector_m` and `tile_m` are in metres, `tile_m` > 0. `tile_m` is the wanted edge of one repeat. The actual edge is `sector_m` divided by
 /// the rounded repeats of [`repeats`]. For the part of a coordinate within the sector, also use the rounded repeats, so that textures are
 /// continuous across sector borders.
-#[allow(clippy::cast_possible_truncation, reason = "the fixed-point number counts modulo 2^32")]
+#[allow(clippy::cast_possible_truncation, reason = "the fixed-point number wraps at 2^32")]
 pub fn per_sector_fixed(sector_m: f64, tile_m: f64) -> i32 {
     rounded(sector_m, tile_m) as i64 as i32
 }
@@ -35,7 +35,7 @@ pub fn repeats(sector_m: f64, tile_m: f64) -> f64 {
 }
 
 fn rounded(sector_m: f64, tile_m: f64) -> f64 {
-    // There are at most 2^28 repeats, whose product with 2^24 is still exact in f64.
+    // There are at most 2^28 repeats, so the product is at most 2^52. Up to this limit, f64 can hold every whole number.
     (bounded(sector_m / tile_m, -268_435_456.0, 268_435_456.0) * 16_777_216.0).round()
 }
 

@@ -11,7 +11,7 @@ use super::{bounded, usable};
 /// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
 
-/// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If `n` has no direction, z gets all the weight. 0^0 counts as 1.
+/// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If `n` has no usable direction, it counts as the z axis. 0^0 counts as 1.
 pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     let a = unit(n).map(T::abs);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);

@@ -12,7 +12,7 @@ fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
     return select(at_zero, exp2(sharpness * log2(max(ratio, 1e-30))), ratio > 1e-30);
 }
 
-// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If n has no direction, z gets all the weight.
+// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If n has no usable direction, it counts as the z axis.
 fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
     // Components are divided by the largest one, whose term is then exactly 1, so the sum cannot underflow.
     let a = abs(octahedral_unit(n));

@@ -5,7 +5,7 @@
 // Mask that removes the sign bit. If the remaining bits are read as an integer, a larger magnitude gives a larger integer. 0x7f800000 is infinity,
 // and every larger integer is NaN.
 const USABLE_MAGNITUDE: u32 = 0x7fffffffu;
-// Bits of 1e30 and of 2^-126, the smallest number that is not denormal.
+// Bits of 1e30 and of 2^-126, the smallest positive number that is not denormal.
 const USABLE_MOST: u32 = 0x7149f2cau;
 const USABLE_LEAST: u32 = 0x00800000u;
 

@@ -29,8 +29,8 @@ pub mod reference;
 
 /// Share of the current frame in the exponential history.
 pub const SHARE: f32 = 0.1;
-/// Distance of a FlipQuad sample from the middle of its edge, pixels. With a distance of 1/6 pixel, the four samples lie in four different rows and
-/// four different columns, which are 1/3 pixel apart.
+/// Distance of a FlipQuad sample from the middle of its edge, pixels. With a distance of 1/6 pixel, the four samples of a pixel have four different x
+/// coordinates, which are 1/3 pixel apart, and likewise four different y coordinates.
 pub const FLIPQUAD_SHIFT: f64 = 1.0 / 6.0;
 
 /// How frames are resolved over time.

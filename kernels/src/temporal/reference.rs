@@ -26,7 +26,7 @@ fn mix(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
 }
 
-/// Returns the new history of a frame, as `temporal_main` computes it. Its colours are the resolved picture.
+/// Returns the new history of a frame, as `temporal_main` computes it. For terrain pixels, its colours are those of the resolved picture.
 pub fn resolve(resolve: Resolve, size: [u32; 2], index: u32, frame: &Frame<'_>) -> Vec<[f64; 4]> {
     let setup = TemporalFrame::new(resolve, size, index, &crate::motion::Slots::default());
     let [width, height] = size.map(|n| n as usize);

@@ -117,7 +117,7 @@ fn terrain_splat_cell(node: NodePlace) -> SplatCell {
     return SplatCell(node.slot, vec2<i32>(corner), clamp(at - corner, vec2<f32>(0.0), vec2<f32>(1.0)));
 }
 
-// Returns the palette index of texel 0..3, in the order 00, 10, 01, 11.
+// Returns the palette index of texel 0..3 of the cell. Their offsets (x, y) from the corner are (0, 0), (1, 0), (0, 1), (1, 1).
 fn terrain_splat_id(cell: SplatCell, texel: u32) -> u32 {
     count_fetch();
     return textureLoad(splat_atlas, cell.corner + vec2<i32>(vec2<u32>(texel & 1u, texel >> 1u)), cell.slot, 0).r;
@@ -165,7 +165,7 @@ struct Projection {
     position: vec2<f32>,        // metres inside the sector
     ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
     ddy: vec2<f32>,
-    longest_2: f32,             // square of the longer derivative
+    longest_2: f32,             // squared length of the longer derivative
 }
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
@@ -321,9 +321,9 @@ fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale
     return terrain_surface(entry, projection, rate, terrain_texels_chosen(entry, projection, rate, uv, u, v));
 }
 
-// Loops run to an expression of `frame.taps` (always 4) instead of a constant, so that they are not unrolled: `frame.taps` for 4 taps,
-// `frame.taps - 1u` for 3 projections or hexagons, `frame.taps - 2u` for 2 tilings, `2u * frame.taps` for 8 layers. An unrolled splat flavour has 36
-// texture samples, and software Vulkan takes seconds to compile it, although it runs in milliseconds.
+// Loops that sample detail textures run to an expression of `frame.taps` (always 4) instead of a constant, so that they are not unrolled:
+// `frame.taps` for 4 taps, `frame.taps - 1u` for 3 projections or hexagons, `frame.taps - 2u` for 2 tilings, `2u * frame.taps` for 8 layers. An
+// unrolled splat flavour has 36 texture samples, and a software Vulkan driver takes seconds to compile it, although it runs in milliseconds.
 
 // Blends four taps with bilinear weights that are modified by height: sixteen fetches. Each tap is added to the sum as soon as it is
 // fetched. An array of taps would be stored in memory and not in registers, because a loop that is not unrolled would index it.

@@ -14,7 +14,7 @@ pub const NEAR_M: f64 = 0.1;
 /// A camera in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// World metres, z = elevation.
+    /// Position in the world, metres; z = elevation.
     pub position: DVec3,
     /// Compass bearing of the view direction, radians: 0 = north (+y), pi/2 = east (+x).
     pub yaw: f64,

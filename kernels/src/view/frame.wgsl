@@ -3,7 +3,7 @@
 
 struct Frame {
     clip_from_local: mat4x4<f32>,
-    camera: vec3<f32>,          // camera in local coordinates
+    camera: vec3<f32>,          // position of the camera in local coordinates
     sector_m: f32,              // edge of a sector, metres
     ray_00: vec3<f32>,          // ray through the sample point (usually the centre) of pixel (0, 0); its component along the view direction is 1
     near_m: f32,                // distance of the near plane; the stored depth is near_m / distance along the view direction
@@ -16,7 +16,7 @@ struct Frame {
     seed: u32,
     frame: u32,                 // frame index
     forced_mask: u32,           // 0 = automatic choice, otherwise the variant that is forced on every tile
-    page_levels: u32,           // levels of the virtual texture
+    page_levels: u32,           // number of levels of the virtual texture
     tiles: vec2<u32>,           // size of the image in tiles, rounded up
     hash_scale: f32,            // cell size of hashed noise, pixels
     height_sharpness: f32,      // k in the height blend w 2^(k h), see splat_blend.wgsl

@@ -22,8 +22,8 @@ fn virtual_texture_request(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));
-    // The shading pass computes the level again, in another pipeline, and may round differently at the border of two levels. So near such a border,
-    // both levels are requested.
+    // The shading pass computes the level again, in another pipeline, and may round differently at the border between two levels. So near such
+    // a border, both levels are requested.
     let low = virtual_texture_level(footprint.ddx, footprint.ddy, -0.001);
     let high = virtual_texture_level(footprint.ddx, footprint.ddy, 0.001);
     virtual_texture_mark(footprint.place, low);

@@ -1,6 +1,6 @@
 //! A procedural alpine world: elevation as a function of position and seed only.
 //!
-//! The elevation is built from these layers, each of which depends on the previous layers:
+//! The elevation is built from these layers, in this order:
 //!
 //! 1. Domain warp.
 //! 2. A network of broad valleys along the zero lines of noise, on an uplift that varies over about 9 km.
@@ -10,7 +10,8 @@
 //! 6. Strata of three thicknesses. Their hard beds form rock faces, from a few metres to more than 100 m tall; their soft beds form ledges.
 //! 7. Fine relief, down to a wavelength of about a metre.
 //!
-//! All computations are sums, products, quotients, square roots and floors, so that all machines agree on every bit.
+//! Except integer hashes, all computations are sums, products, quotients, square roots, floors and comparisons. IEEE 754 defines their results
+//! exactly, so that all machines agree on every bit.
 
 use crate::shared::hash::pcg;
 
@@ -379,7 +380,7 @@ impl Generator {
         let stretch = height.map(0.33 * above * above * denominator, 0.33 * above * (above + 700.0) * denominator * denominator);
         height = height.plus(stretch);
 
-        // Gullies down the slope: deeper where it is steep, none on valley floors.
+        // Gullies down the slope: deeper on steeper ground, none on valley floors.
         for (gully, depth) in self.gullies.iter().zip([48.0, 16.0, 3.5]) {
             height = height.plus(cut(gully, x, y, height, depth * (0.3 + 0.7 * below_crest)));
         }

@@ -428,7 +428,7 @@ impl World {
     }
 
     /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. Splat maps of fine nodes interpolate the
-    /// derivatives of the height and the curvature between the points of a lattice (`RuleRelief` in `payload.rs`), so the values there may differ
+    /// curvature and the derivatives of the height between the points of a lattice (`RuleRelief` in `payload.rs`), so the values there may differ
     /// slightly.
     pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
         let reach = self.footprint_m / 2.0;

@@ -5,8 +5,9 @@
 //! drawn as rows of spikes. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to vertices of the coarser
 //! node. Both nodes must therefore have equal heights on the common edge, so heights on edges are never filtered.
 //!
-//! Vertices beyond the edge of a heightmap are drawn at this edge ([`World::drawn_at`]). They have the height of the edge, which is never filtered
-//! either: vertices that are drawn at the same place must have equal heights. Normals and cones use the distances between vertices as they are drawn.
+//! Vertices beyond the edge of a heightmap are drawn at this edge ([`World::drawn_at`]). They have the height of the ground there, which is never
+//! filtered either: vertices that are drawn at the same place must have equal heights. Normals and cones use the distances between vertices as they
+//! are drawn.
 //!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
 //! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.

@@ -25,9 +25,10 @@ use crate::model::editing::with_absolute_paths;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{EYE_M, Viewpoint};
 
-/// Name of the camera that is added to the scene for a free viewpoint.
+/// Name of the camera that is added to the scene for a free viewpoint. If the name is taken, a number is appended.
 const CAMERA: &str = "workbench";
-/// Maximum number of lines of a report that are shown. This is usually enough for the answer, the checks, the expectations, and most choices.
+/// Maximum number of lines of a report that are shown. This is usually enough for the answer, the checks, the expectations, and most rows of the
+/// table *Choices*.
 const EXCERPT: usize = 40;
 /// Time between two checks whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);

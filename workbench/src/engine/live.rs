@@ -1,5 +1,5 @@
-//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker, residual flicker and clumping. Surface points are followed from
-//! frame to frame.
+//! Live metrics of the pictures A and B of a comparison ([`crate::model::compare`]) as they are drawn: variance, bias, flips, flicker, residual
+//! flicker and clumping. Surface points are followed from frame to frame.
 
 use std::collections::VecDeque;
 

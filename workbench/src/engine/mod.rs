@@ -358,7 +358,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                 news.shaders_edited = !renderer.gpu().sources().is_empty();
             });
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
-                // Metrics of the old shaders, and the list of shaders that are compiled, are not valid for the new shaders.
+                // Metrics of the old shaders, and the list of compiled shaders, are not valid for the new shaders.
                 (live, warmed) = (Live::default(), Warmed::default());
                 next = again(next, last.take());
             }
@@ -462,7 +462,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     }
 }
 
-/// Draws a first look: a preview with small textures. It shows only A, and has no metrics.
+/// Draws a first look: a preview with small textures. It shows only A (see [`crate::model::compare`]), and has no metrics.
 fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;

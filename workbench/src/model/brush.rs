@@ -15,7 +15,7 @@ use kernels::oracle::{pixel_at, place_at};
 
 /// Limits of the radius of a brush: smallest and largest, metres.
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
-/// Limit of [`Brush::amount`], the factor of a mask on the weights of rules.
+/// Limit of [`Brush::amount`], the factor by which a mask multiplies the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
 /// Maximum number of points of a stroke. It limits the time of baking, which computes the distance of every splat texel near the stroke from each
 /// segment of the stroke.
@@ -36,7 +36,7 @@ const MOST_LEFT_OUT: usize = 256;
 /// First condition for a depth edge between neighbouring pixels: the ratio of their depths exceeds this value.
 const EDGE: f64 = 1.5;
 /// Second condition for a depth edge. The inverse depth of a pixel is predicted by linear extrapolation from the two pixels before it. The condition
-/// is that the error of the prediction exceeds this share of the change in inverse depth since the previous pixel. Both conditions must hold, because
+/// is that the error of the prediction exceeds this share of the change in inverse depth from the previous pixel. Both conditions must hold, because
 /// the ratio of depths is also large on ground near the horizon. There, the second condition does not hold, because the inverse depth of a plane is
 /// linear in the picture.
 const BEND: f64 = 0.5;
@@ -172,7 +172,7 @@ pub struct Brush {
     pub radius_m: f64,
     /// Width in metres of the soft edge of a mask, measured inwards from the border of the mask. A new stroke limits it to the radius.
     pub fade_m: f64,
-    /// Factor of a mask on the weights of the material's rules, from 0 to [`MOST_AMOUNT`].
+    /// Factor by which a mask multiplies the weights of the material's rules, from 0 to [`MOST_AMOUNT`].
     pub amount: f64,
     drawing: Option<Drawing>,
     full: Option<String>,
@@ -194,7 +194,7 @@ struct Drawing {
 }
 
 impl Default for Brush {
-    /// A splat brush with a radius of 4 m that does not paint yet.
+    /// A splat brush with a radius of 4 m. It does not paint yet.
     fn default() -> Brush {
         Brush {
             paints: false,

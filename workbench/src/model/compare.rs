@@ -55,7 +55,7 @@ pub enum Other {
     /// The exact blend for the settings of A: the mean of the estimator `fc5` over all its random choices. It has no noise.
     #[default]
     Exact,
-    /// The reference blend: the flavour splat with two tilings on every pixel, blended exactly, with 96 fetches.
+    /// The reference blend: the flavour splat with two tilings on every pixel, blended exactly, with 96 fetches per pixel.
     Full,
     /// Settings that were stored with `Keep A as B`.
     Kept(Box<Settings>),

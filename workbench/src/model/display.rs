@@ -4,11 +4,13 @@ use std::sync::LazyLock;
 
 use experiments::judge::flip::magma;
 use kernels::base::colour::srgb_code;
+use kernels::culling::LOG2_LARGEST_STRIDE;
 use kernels::display::Exposure;
 use kernels::frame::picture::{Layer as Values, Picture};
 use kernels::metrics::{Followed, Point};
 use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
+use kernels::world::LODS;
 use rayon::prelude::*;
 
 /// The quantity of a picture that the viewport shows as colours.
@@ -31,6 +33,10 @@ pub enum Layer {
     Fetches,
     /// The first random choice of each pixel.
     Choice,
+    /// The LOD of the terrain node in each pixel.
+    Lod,
+    /// The vertex stride of the patch in each pixel.
+    Stride,
     /// Standard deviation of the luminance of albedo over frames, for the surface point in each pixel.
     Deviation,
     /// Mean absolute difference in luminance of albedo from frame to frame.
@@ -156,6 +162,8 @@ static BIAS: [Scale; 1] = [Scale {
 /// different hues.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
+/// The names of the vertex strides, from 1.
+const ORDINALS: [&str; 5] = ["vertex", "2nd vertex", "4th vertex", "8th vertex", "16th vertex"];
 /// The largest value of the layer `choice`. The values from 1 on are the combinations of four splat texels and three projection axes.
 const MOST_CHOICES: usize = 12;
 
@@ -173,7 +181,7 @@ pub enum Legend {
 /// A colour with its meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Swatch {
-    /// sRGB.
+    /// The colour: sRGB-encoded, 8 bits per channel.
     pub colour: [u8; 3],
     /// The meaning of the colour.
     pub name: String,
@@ -218,7 +226,7 @@ fn occurring(masks: &[f32]) -> Vec<Variant> {
 
 impl Layer {
     /// All layers, in the order of the menu.
-    pub const ALL: [Layer; 13] = [
+    pub const ALL: [Layer; 15] = [
         Layer::Lit,
         Layer::Albedo,
         Layer::Normal,
@@ -227,6 +235,8 @@ impl Layer {
         Layer::Tiles,
         Layer::Fetches,
         Layer::Choice,
+        Layer::Lod,
+        Layer::Stride,
         Layer::Deviation,
         Layer::Flicker,
         Layer::Flips,
@@ -245,6 +255,8 @@ impl Layer {
             Layer::Tiles => "Tiles by variant",
             Layer::Fetches => "Fetches",
             Layer::Choice => "Choices",
+            Layer::Lod => "LODs",
+            Layer::Stride => "Vertex strides",
             Layer::Deviation => "Deviation",
             Layer::Flicker => "Flicker",
             Layer::Flips => "Flips",
@@ -266,11 +278,13 @@ impl Layer {
             Layer::Choice => {
                 "first random choice of a pixel: splat texel and, on far cliffs, projection; 8 colours for 12 choices; black = no random choice"
             }
+            Layer::Lod => "LOD of the terrain node, from 0 (the finest) to 5",
+            Layer::Stride => "vertex stride of the patch: with a stride of n, every n-th vertex along the side of a patch is drawn",
             Layer::Deviation => {
                 "standard deviation of the luminance of albedo over frames, from 0.001 (black) to 1 (pale yellow), logarithmic"
             }
             Layer::Flicker => {
-                "mean |difference| in luminance of albedo to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic"
+                "mean |change| in luminance of albedo since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic"
             }
             Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
             Layer::Bias => "mean A - B in luminance of albedo, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
@@ -291,6 +305,8 @@ impl Layer {
             Layer::Tiles => Some("variant"),
             Layer::Fetches => Some("fetches"),
             Layer::Choice => Some("choice"),
+            Layer::Lod => Some("lod"),
+            Layer::Stride => Some("stride"),
         }
     }
 
@@ -305,7 +321,7 @@ impl Layer {
         matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias | Layer::Residual)
     }
 
-    /// The scales of the values of this layer; empty = the values are not numbers.
+    /// The scales of the values of this layer; empty = the values are colours, or codes without an order.
     fn scales(self) -> &'static [Scale] {
         match self {
             Layer::Normal => &NORMAL,
@@ -316,7 +332,7 @@ impl Layer {
             Layer::Flips => &FLIPS,
             Layer::Bias => &BIAS,
             Layer::Residual => &RESIDUAL,
-            Layer::Lit | Layer::Albedo | Layer::Mask | Layer::Tiles | Layer::Choice => &[],
+            Layer::Lit | Layer::Albedo | Layer::Mask | Layer::Tiles | Layer::Choice | Layer::Lod | Layer::Stride => &[],
         }
     }
 
@@ -336,6 +352,12 @@ impl Layer {
                 });
                 std::iter::once(none).chain(some).collect()
             }
+            (Layer::Lod, Some(Values::Value(_))) => {
+                (0..LODS).map(|lod| Swatch { colour: CHOICES[usize::from(lod)], name: format!("LOD {lod}") }).collect()
+            }
+            (Layer::Stride, Some(Values::Value(_))) => (0..=LOG2_LARGEST_STRIDE)
+                .map(|log2| Swatch { colour: CHOICES[log2 as usize], name: format!("every {}", ORDINALS[log2 as usize]) })
+                .collect(),
             _ => Vec::new(),
         };
         match (self.scales(), swatches.is_empty()) {
@@ -385,6 +407,18 @@ impl Layer {
                     std::array::from_fn(|k| own[k].midpoint(seen[k]))
                 };
                 masks.par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
+            }
+            (Layer::Lod | Layer::Stride, Some(Values::Value(values))) => {
+                // The numbers of a swatch are 0, 1, ... for LODs and log2 for strides.
+                let swatch = |value: f32| match self {
+                    Layer::Lod => (value >= 0.0).then_some(value as usize),
+                    _ => (value >= 1.0).then(|| value.log2() as usize),
+                };
+                let colour = |(&value, &seen): (&f32, &[u8; 3])| match swatch(value).and_then(|number| CHOICES.get(number)) {
+                    Some(own) => std::array::from_fn(|k| own[k].midpoint(seen[k])),
+                    None => seen,
+                };
+                values.par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
             }
             (Layer::Fetches, Some(Values::Value(counts))) => counts.par_iter().map(|&n| FETCHES[0].colour(n)).collect(),
             (Layer::Choice, Some(Values::Value(choices))) => choices.par_iter().map(|&code| choice(code)).collect(),
@@ -532,6 +566,19 @@ mod tests {
         let colours: Vec<[u8; 3]> = swatches.iter().map(|swatch| swatch.colour).collect();
         assert_eq!(Layer::Choice.colours(&picture, &Followed::default()), colours);
         assert_eq!((swatches[0].name.as_str(), swatches[1].name.as_str(), swatches[8].name.as_str()), ("none", "1, 9", "8"));
+        // Neither sky (-1, or stride 0) nor an unknown number has a swatch.
+        for (layer, name, values, names) in [
+            (Layer::Lod, "lod", vec![0.0, 5.0, -1.0], ["LOD 0", "LOD 5"]),
+            (Layer::Stride, "stride", vec![1.0, 16.0, 0.0], ["every vertex", "every 16th vertex"]),
+        ] {
+            let picture = self::picture(name, Values::Value(values), 3);
+            let Legend::Swatches(swatches) = layer.legend_for(&picture) else { panic!("no swatches") };
+            let ends = [&swatches[0], &swatches[swatches.len() - 1]];
+            assert_eq!(ends.map(|swatch| swatch.name.as_str()), names);
+            let seen = picture.displayed(Exposure::default())[0];
+            let mixed = ends.map(|swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k])));
+            assert_eq!(layer.colours(&picture, &Followed::default()), [mixed[0], mixed[1], seen]);
+        }
         // Layers without bars and swatches have a text as legend. So does a layer that the picture does not have.
         for layer in [Layer::Lit, Layer::Albedo, Layer::Mask] {
             assert_eq!(layer.legend_for(&picture), Legend::Words, "{}", layer.name());

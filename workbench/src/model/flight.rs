@@ -8,16 +8,16 @@ use kernels::view::camera::Pose;
 
 /// Lowest and highest speed that the wheel can set, metres per second.
 pub const SPEEDS_M_S: [f64; 2] = [0.05, 2000.0];
-/// Factor by which a notch of the wheel changes the speed, or the distance from the orbited place.
+/// Factor by which a notch of the wheel changes the speed, or the distance from the camera to the orbited place.
 const NOTCH: f64 = 1.15;
 /// Limit of the pitch, up and down, radians. The view direction must not be parallel to the up axis.
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
-/// Limits of the distance from the orbited place: smallest and largest, metres.
+/// Limits of the distance from the camera to the orbited place: smallest and largest, metres.
 pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
 /// Limit of the angle between the view direction and the direction to a place, radians. Up to this angle, the place counts as in the middle of the
 /// view. Rounding errors are smaller, and an angle of this size is not visible.
 const BESIDE: f64 = 1e-6;
-/// Limits of the distance of the orbited place if the middle of the picture shows sky: smallest and largest, metres.
+/// Limits of the distance from the camera to the orbited place if the middle of the picture shows sky: smallest and largest, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
 
 /// The place that the camera orbits.

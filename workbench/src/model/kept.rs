@@ -256,7 +256,7 @@ impl Kept {
     }
 
     /// Returns this state, but with the entries of all scenes except the current one taken from the file (`there`). Another window may have changed
-    /// those entries. In the list of recent scenes, those that only the file has come last.
+    /// those entries. Recent scenes that only the file lists are appended to the list of recent scenes.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -384,7 +384,7 @@ pub fn scene_name(given: &str) -> String {
 #[derive(Debug)]
 pub struct Keeper {
     path: PathBuf,
-    /// The state that was read from the file, or that the last attempt to write was to store.
+    /// The state that was read from the file, or that was last collected for saving.
     kept: Kept,
     looked: Instant,
     writing: Option<JoinHandle<Result<(), String>>>,

@@ -4,7 +4,7 @@ use kernels::metrics::Summary;
 
 /// Layers of a picture from which the metrics are computed.
 pub const LAYERS: [&str; 2] = ["albedo", "choice"];
-/// Limits of the length of the exponential window: smallest and largest, frames.
+/// Limits of [`Metrics::window`]: smallest and largest, frames.
 pub const WINDOWS: [u32; 2] = [2, 1024];
 
 /// Settings of the live metrics.
@@ -12,7 +12,7 @@ pub const WINDOWS: [u32; 2] = [2, 1024];
 pub struct Metrics {
     /// Whether metrics are computed.
     pub on: bool,
-    /// Length of the exponential window, frames.
+    /// Length of the exponential window over which values are averaged, frames.
     pub window: u32,
     /// Whether the metrics are frozen at their current values.
     pub frozen: bool,
@@ -28,7 +28,7 @@ impl Default for Metrics {
     }
 }
 
-/// The metrics of one frame, for A and B.
+/// The metrics of one frame, for A and B (see [`super::compare`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// The frame number.

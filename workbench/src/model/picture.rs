@@ -18,7 +18,7 @@ use kernels::oracle::Pixel;
 /// A request for a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
-    /// The settings of A.
+    /// The settings of A (see [`super::compare`]).
     pub settings: Settings,
     /// The way in which A and B are shown, and the settings of B.
     pub compare: Compare,
@@ -68,7 +68,7 @@ pub struct Second {
     pub texels: Vec<[u8; 3]>,
     /// The meanings of the colours of the picture.
     pub legend: Legend,
-    /// The difference to A as colours, if it is shown.
+    /// The absolute difference from A in luminance, as colours; `None` = it is not shown.
     pub difference: Option<Vec<[u8; 3]>>,
     /// Root mean squared difference between A and B in lit linear colour, over the pixels that show terrain.
     pub rmse: f64,

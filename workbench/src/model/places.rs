@@ -22,7 +22,8 @@ pub const MOST_FRAMES: usize = 100_000;
 const LONGEST_GAP: usize = 60;
 /// Limit of the length of a name, characters.
 const NAME_LENGTH: usize = 100;
-/// Limit of the size of a file that is read as a path, bytes. The file of the longest possible path has about 12 million bytes.
+/// Limit of the size of a file that is read as a path, bytes. The file of a path of [`MOST_FRAMES`] frames usually has about 12
+/// million bytes.
 const MOST_BYTES: u64 = 64 << 20;
 /// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit. Degrees would not preserve
 /// them: for some angles in radians, no f64 in degrees converts back to exactly the same f64.

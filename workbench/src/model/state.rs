@@ -364,8 +364,8 @@ impl Model {
     /// The current pose of the camera, at which the next movement starts; `None` = it is not known yet.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
-            // Only the drawing thread can compute the height of the ground below a walking camera, so the elevation is that of the last picture. East
-            // and north are those of the viewpoint, which may be ahead of the last picture.
+            // Only the drawing thread can compute the height of the ground below a walking camera, so the elevation is that of the last picture. The
+            // other coordinates are those of the viewpoint, which may be ahead of the last picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })

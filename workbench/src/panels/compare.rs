@@ -56,7 +56,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         if ui.button("Fit").clicked() {
             (model.looking.zoom, model.looking.centre) = (1.0, [0.5; 2]);
         }
-        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Magnifies A and B under the pointer eight times (key L)");
+        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Magnifies A and B under the pointer by a factor of 8 (key L)");
     });
     if model.compare.mode == Mode::Wipe {
         let label = ui.label("Wipe at");

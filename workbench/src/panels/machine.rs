@@ -8,10 +8,10 @@ use kernels::world::{LODS, Layout, NodeId};
 use crate::model::picture::Shown;
 use crate::model::state::Model;
 
-/// Smallest span of the map, and its span at the start, metres.
+/// Smallest span of the map (length of a side), and its span at the start, metres.
 const NARROWEST_M: f64 = 200.0;
 const USUAL_M: f64 = 4000.0;
-/// Smallest and largest side of the map on the screen, points.
+/// Smallest and largest length of a side of the map on the screen, points.
 const MAP_POINTS: [f32; 2] = [120.0, 480.0];
 /// A turn of the wheel, or a drag, by this many points changes the span by a factor of e.
 const POINTS_PER_E: f32 = 200.0;
@@ -225,7 +225,7 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
         "The selected nodes, coloured by level, with north at the top; the camera, its view direction, and the part of the ground that it would see if the ground were flat",
     );
     if frozen.is_some() {
-        ui.label("Culling is frozen: the patches are those that the yellow camera sees.");
+        ui.label("Culling is frozen: the nodes and patches are selected for the yellow camera.");
     }
 }
 

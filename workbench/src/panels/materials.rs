@@ -123,7 +123,7 @@ fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
     let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
         ui.painter().rect_stroke(rect, 2.0, ui.visuals().widgets.noninteractive.bg_stroke, StrokeKind::Inside);
-        response.on_hover_text(format!("The current picture was drawn without the material {name}"));
+        response.on_hover_text(format!("There is no picture with the material {name} yet"));
         return;
     };
     ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));

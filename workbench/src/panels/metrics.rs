@@ -65,7 +65,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let label = ui.label("Window");
         ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames")).labelled_by(label.id).on_hover_text(
-            "About how many past frames count; older frames count exponentially less. The newest frame has the weight 1 / length once a point has been visible for that many frames; before that, all its frames have the same weight.",
+            "About how many past frames count; older frames count exponentially less. Once a point has been visible for that many frames, its newest frame has the weight 1 / window; before that, all its frames have the same weight.",
         );
     });
     let Some(shown) = model.shown().cloned() else { return };

@@ -108,9 +108,11 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     let changed = usual.is_some_and(|usual| *usual != *value);
     let button = ui.add_enabled(changed, Button::new("Reset").small());
     button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
-    let hint =
-        if usual.is_some() { "Restores the original value" } else { "This was added in the workbench, so there is no original value" };
-    if button.on_hover_text(hint).clicked()
+    let why = match usual {
+        Some(_) => "The value is the original one",
+        None => "The scene file has no original value: it was added or renamed in the workbench",
+    };
+    if button.on_hover_text("Restores the original value").on_disabled_hover_text(why).clicked()
         && let Some(usual) = usual
     {
         value.clone_from(usual);

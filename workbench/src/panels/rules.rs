@@ -8,7 +8,7 @@ use crate::model::editing::usual_rules;
 use crate::model::state::Model;
 
 /// Describes a band: a range of one quantity of the ground (height, slope or curvature). Outside of the range, the weight of the rule falls to 0 over
-/// a distance that is called the fade.
+/// an interval of this quantity. The width of the interval is called the fade.
 struct Band {
     name: &'static str,
     unit: &'static str,
@@ -130,7 +130,8 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
     band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
     band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
-    let hint = "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = no noise, so the rule applies everywhere";
+    let hint =
+        "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = no noise, so the rule applies everywhere within its bands";
     let label = ui.label(format!("Rule {number} noise"));
     value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
@@ -170,7 +171,7 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
     };
     ui.horizontal(|ui| {
         let hint = format!(
-            "Lower end of the range in which the rule has its full weight, from {lowest}{unit} to the upper end. Quantity: {about}."
+            "Lower end of the range in which the rule has its full weight. Quantity: {about}. Accepted: {lowest}{unit} to the upper end."
         );
         let label = ui.label(format!("Rule {number} {name} from"));
         value(ui, from, [lowest, *to], speed, unit).labelled_by(label.id).on_hover_text(hint);
@@ -179,7 +180,7 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
     ui.label("");
     ui.horizontal(|ui| {
         let hint = format!(
-            "Upper end of the range in which the rule has its full weight, from the lower end to {highest}{unit}. Quantity: {about}."
+            "Upper end of the range in which the rule has its full weight. Quantity: {about}. Accepted: the lower end to {highest}{unit}."
         );
         let label = ui.label(format!("Rule {number} {name} to"));
         value(ui, to, [*from, highest], speed, unit).labelled_by(label.id).on_hover_text(hint);
@@ -187,7 +188,9 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
     ui.end_row();
     ui.label("");
     ui.horizontal(|ui| {
-        let hint = format!("Distance outside of the range over which the weight falls to 0, from 0 (abrupt) to {most_fade}{unit}.");
+        let hint = format!(
+            "Width of the interval beyond each end of the range in which the weight falls to 0, from 0 (abrupt) to {most_fade}{unit}."
+        );
         let label = ui.label(format!("Rule {number} {name} fade"));
         value(ui, fade, [0.0, most_fade], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });

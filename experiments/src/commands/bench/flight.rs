@@ -30,11 +30,11 @@ pub(super) fn pose(t: f64, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     }
 }
 
-/// How many patches of the selected nodes culling removes on the flight.
+/// The number of patches of the selected nodes on the flight, and how many of these patches culling removes.
 pub(super) struct Flight {
     /// Number of patches of the selected nodes, over all pictures.
     patches: usize,
-    /// Number of patches that were removed because they are outside the frustum, face away, or are hidden.
+    /// Numbers of removed patches: those outside the frustum, those that face away from the camera, and those that are hidden.
     removed: [usize; 3],
 }
 

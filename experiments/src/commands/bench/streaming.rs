@@ -1,4 +1,4 @@
-//! The streamed flight of `bench`: how far the drawn terrain lags behind the wanted one when nodes arrive late.
+//! The streamed flight of `bench`: how much coarser than wanted the terrain is drawn when nodes arrive late.
 
 use anyhow::Result;
 use kernels::frame::{RenderRequest, Renderer};
@@ -11,15 +11,16 @@ use super::flight;
 use crate::cli::BenchArgs;
 use crate::process::check_interrupted;
 
-/// Speed of the camera, metres per second, and frames per second.
+/// Speed of the camera, metres per second.
 const SPEED: f64 = 100.0;
+/// Frame rate of the flight.
 const FRAMES_PER_SECOND: f64 = 30.0;
-/// The flight is divided into this many equal parts, each of 1 km. The lag is given for each part.
+/// The flight is divided into this many equal parts, each of 1 km. The lag ([`Lag`]) is given for each part.
 const PARTS: usize = 10;
-/// The schedules: first the defaults of the settings `frame.nodes_per_frame` and `frame.latency`. A payload has 72 419 bytes, so 8 nodes per frame are
-/// at most 17 MB/s, and 1 node per frame is at most 2.2 MB/s.
+/// The simulated schedules: first the defaults of the settings `frame.nodes_per_frame` and `frame.latency`. The payload of a node has 72 419 bytes,
+/// so 8 nodes per frame are at most 17 MB/s, and 1 node per frame is at most 2.2 MB/s.
 const SCHEDULES: [Schedule; 2] = [Schedule { nodes_per_frame: 8, latency_frames: 8 }, Schedule { nodes_per_frame: 1, latency_frames: 30 }];
-/// Largest number of frames after a teleport. A view needs at most 512 nodes, so even the slower schedule needs fewer frames.
+/// Largest number of frames that are simulated after a teleport. A view needs at most 512 nodes, so even the slower schedule needs fewer frames.
 const LONGEST: u32 = 1000;
 
 /// The lag over the frames of one part of the flight.
@@ -27,9 +28,9 @@ const LONGEST: u32 = 1000;
 pub(super) struct Part {
     /// Mean share of the ground that is drawn coarser than wanted, 0..=1.
     share: f64,
-    /// Mean number of levels by which this ground is coarser; 0 if there is none.
+    /// Mean number of levels by which this ground is coarser; 0 if no ground is.
     levels: f64,
-    /// Largest number of levels.
+    /// Largest number of levels by which the ground is coarser anywhere.
     largest: u8,
 }
 
@@ -38,7 +39,7 @@ pub(super) struct Part {
 pub(super) struct Streamed {
     nodes_per_frame: u32,
     latency_frames: u32,
-    /// Number of frames of the flight and of the teleport.
+    /// Number of frames of the flight and after the teleport.
     frames: u32,
     /// Number of these frames in which a sector of the ground is not drawn, or is drawn twice.
     broken: u32,
@@ -65,7 +66,7 @@ fn is_whole(drawn: &[NodeId]) -> bool {
 }
 
 impl Streamed {
-    /// Flies once for each schedule. Nothing is drawn: the selection of the nodes is all that counts.
+    /// Flies once for each schedule. Nothing is drawn: only the nodes of each frame are selected.
     pub(super) fn all(renderer: &mut Renderer<'_>, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Vec<Streamed>> {
         let frames = (flight::LENGTH_M / SPEED * FRAMES_PER_SECOND) as u32;
         let total = u64::from(frames) * SCHEDULES.len() as u64;

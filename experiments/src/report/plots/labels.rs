@@ -8,8 +8,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::{GREY, failed, text};
 
-/// Estimated mean advance width of a character in a sans-serif font, relative to the font size. The estimate is high, because the real width is known
-/// only when a browser draws the text.
+/// Estimated mean advance width of a character in a sans-serif font, relative to the font size. The estimate is deliberately high, because the real
+/// width is known only when a browser draws the text.
 const ADVANCE: f64 = 0.57;
 const LABEL_PX: f64 = 13.0;
 

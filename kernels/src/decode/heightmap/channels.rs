@@ -15,7 +15,7 @@ use crate::decode::openexr::{self, Channel, Channels, Kind, Part, Window};
 const HEIGHTS: [&str; 7] = ["height", "heights", "elevation", "heightmap", "heightfield", "altitude", "dem"];
 /// Names of channels that may hold heights if a file has no colours, in lower case: luminance, depth, value.
 const PLAIN: [&str; 3] = ["y", "z", "v"];
-/// Names of channels of colours, in lower case; `ry` and `by` are differences to the luminance `y`.
+/// Names of channels of colours, in lower case; `ry` and `by` are the chroma channels that belong to the luminance `y`.
 const COLOURS: [&str; 5] = ["r", "g", "b", "ry", "by"];
 
 /// Largest difference of alpha from 0 or 1 that counts as rounding.
@@ -128,14 +128,14 @@ fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a
 /// Marks the samples of a window where alpha is 0; empty if it is 1 everywhere.
 ///
 /// # Errors
-/// Alpha is neither 0 nor 1 somewhere. The other channels of an OpenEXR file are multiplied by alpha, so a height would be wrong there.
+/// The alpha of a sample is neither 0 nor 1. The other channels of an OpenEXR file are multiplied by alpha, so a height would be wrong there.
 fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<Vec<Option<Absent>>, Fault> {
     let is = |alpha: f32, value: f32| (alpha - value).abs() <= ALPHA_ROUNDING;
     if let Some((index, other)) = alpha.iter().enumerate().find(|&(_, &alpha)| !is(alpha, 0.0) && !is(alpha, 1.0)) {
         let (column, row) = (x as usize + index % width as usize, y as usize + index / width as usize);
         return Err(Fault::Unsupported(format!(
-            "its pixels are partly transparent (first at column {column}, row {row}: channel `{name}` is {other}), and a height is there or not; export \
-             the heights without alpha or, if alpha says nothing about them, give --no-data none"
+            "its pixels are partly transparent (first at column {column}, row {row}: channel `{name}` is {other}), but a sample either has a height \
+             or has none; export the heights without alpha or, if alpha says nothing about them, give --no-data none"
         )));
     }
     if !alpha.iter().any(|&alpha| is(alpha, 0.0)) {

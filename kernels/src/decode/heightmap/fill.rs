@@ -1,19 +1,20 @@
 //! Fills gaps in a heightmap with a membrane: a smooth surface that meets the samples at the rim of each gap.
 //!
-//! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by multigrid on a pyramid of grids, each with
-//! half the resolution of the next finer one (Briggs, Henson and McCormick, *A Multigrid Tutorial*, 2000). The first guess comes from coarse to fine.
-//! V-cycles of Gauss-Seidel sweeps then remove its error. They are necessary: a coarse cell at the rim also averages samples behind the rim, and sweeps
-//! on the finest grid alone remove the effect of these samples only near the rim. At the edge of the map, missing neighbours are left out, so the slope
-//! of the membrane perpendicular to the edge is 0. The result is the same on every machine, and does not depend on threads.
+//! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by multigrid on a pyramid of grids, each
+//! with half the resolution of the next finer one (Briggs, Henson and McCormick, *A Multigrid Tutorial*, 2000). The first guess is interpolated from
+//! grid to grid, beginning with the coarsest. V-cycles of Gauss-Seidel sweeps then remove its error. They are necessary: a coarse cell at the rim
+//! also averages samples behind the rim, and sweeps on the finest grid alone remove the effect of these samples only near the rim. At the edge of the
+//! map, missing neighbours are left out, so the slope of the membrane perpendicular to the edge is 0. The result is the same on every machine, and
+//! does not depend on threads.
 //!
-//! Limit: a membrane has no peaks, valleys or roughness. It stays between the lowest and the highest height of the rim, up to a thousandth of the range
-//! of the known heights.
+//! Limit: a membrane has no peaks, valleys or roughness. It stays between the lowest and the highest height of the rim, up to a thousandth of the
+//! range of the known heights.
 
 /// Largest number of sweeps over the gaps of each grid, for the first guess.
 const SWEEPS: usize = 16;
 /// Number of sweeps of a cycle on each grid, before the correction by the coarser grid and again after it.
 const SWEEPS_OF_CYCLE: usize = 2;
-/// Largest number of cycles. Most gaps need 5 to 20.
+/// Largest number of cycles. Most maps need 5 to 20.
 const CYCLES: usize = 64;
 /// Sweeps and cycles end when no filled sample changes by more than this share of the range of the known heights.
 const STILL: f32 = 1e-6;

@@ -202,7 +202,7 @@ impl Keys {
         }
     }
 
-    /// The unit of heights; `None` if no key states it, and the vertical system is not one of `VERTICAL_FEET`.
+    /// The unit of heights; `None` if no key states it, and the vertical system is not known to have heights in feet.
     fn vertical_unit(&self) -> Result<Option<Unit>, Fault> {
         let system = self.short(VERTICAL_SYSTEM);
         if let Some(system) = system.filter(|&system| is_depth(system)) {
@@ -383,7 +383,7 @@ impl Transform {
     }
 }
 
-/// The command of `gdalwarp` that converts a file around this point (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
+/// The command of `gdalwarp` that converts a file with this centre (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
 /// distance between samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {

@@ -1,6 +1,6 @@
 //! Decodes LZW-compressed strips and tiles of TIFF files.
 //!
-//! The crate `tiff` decodes a tile in pieces, and then does not find the end of some intact streams (GDAL writes such tiles). Here, a stream is
+//! The crate `tiff` decodes a tile in pieces, and then does not find the end of some intact streams (GDAL writes such streams). Here, a stream is
 //! decoded as a whole. Sources: TIFF 6.0, sections 13 (LZW) and 14 (differencing predictor); *TIFF Technical Note 3* (floating point predictor).
 
 use ::tiff::decoder::DecodingResult;
@@ -11,7 +11,7 @@ use weezl::{BitOrder, LzwStatus, decode::Decoder};
 use super::depth::Depth;
 use crate::decode::fault::Fault;
 
-/// A code of 12 bits represents at most 3839 bytes, so a stream grows by at most a factor of 3839 x 8 / 12 = 2559.3.
+/// Largest ratio of decoded to compressed bytes, rounded up: a code of 12 bits represents at most 3839 bytes, and 3839 x 8 / 12 = 2559.3.
 const LARGEST_GROWTH: usize = 2560;
 /// Largest size of a decoded strip or tile, bytes. The crate `tiff` has the same limit.
 const MAX_BYTES: usize = 1 << 28;

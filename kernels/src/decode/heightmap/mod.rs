@@ -4,8 +4,9 @@
 //! file that is too large is refused before memory is allocated for it.
 //!
 //! The reader of each format returns the samples as they are stored, and all statements of the file about them (`raster.rs`). Then, in this
-//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). Every
-//! statement of the file is applied, or the file is refused with an error of one line. A [`Report`] lists how the file was interpreted.
+//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). If a
+//! statement of the file about its heights is not applied, there is an error of one line or a note in the [`Report`], which lists how the file was
+//! interpreted.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -95,7 +96,7 @@ impl Heightmap {
         (f64::from(low), f64::from(high))
     }
 
-    /// Elevation (metres) and its derivatives along x (east) and y (north) at a position relative to the centre of the map, by bicubic
+    /// Elevation (metres) and its derivatives along x (east) and y (north) at a position in metres relative to the centre of the map, by bicubic
     /// Catmull-Rom interpolation (Catmull & Rom 1974). A position outside the map is moved to the nearest point on its edge.
     pub fn sample(&self, x: f64, y: f64) -> (f64, f64, f64) {
         let extent = self.extent_m();
@@ -160,7 +161,7 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// (`.aux.xml`); if the heightmap is damaged, too large, or of a kind that is not supported; if its statements about its samples contradict
 /// each other or the options, or cannot be applied; if an option is out of range or does not apply to it; if the spacing or the meaning of its
 /// samples is unknown; if samples have no data or a value that usually marks missing data, and the options do not say how to treat them; if no
-/// sample has data; if samples are beyond 100 000 m; or if all samples are equal.
+/// sample has data; if the absolute value of an elevation is above 100 000 m; or if all samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;

@@ -59,7 +59,7 @@ pub enum Voids {
     #[default]
     Refuse,
     /// Samples without data get the heights of a smooth membrane that is stretched over the gap. The membrane stays between the lowest and
-    /// the highest sample of the rim of the gap.
+    /// the highest sample of the rim of the gap, up to a thousandth of the range of all samples.
     Fill,
     /// Samples without data are filled as with `Fill`, and become circular holes in the ground of the scene.
     Holes,

@@ -14,7 +14,7 @@ use crate::decode::coded::undecodable_with;
 use crate::decode::colours::MAX_INFO_BYTES;
 use crate::decode::fault::Fault;
 
-/// Length of the start of the file, bytes: the signature, and the header up to and including the type of colour.
+/// Length of the start of the file, bytes: the signature, and the header up to and including the colour type.
 const START: usize = 26;
 /// Largest factor by which Deflate can compress (RFC 1951: 258 bytes from 2 bits, a factor of 1032), rounded up.
 const MOST_COMPRESSED: u64 = 1100;
@@ -107,7 +107,7 @@ fn heights(values: &[[u8; 2]], channels: usize, width: usize, kind: &str) -> Res
                 0 => found.absent.push(Some(Absent::Transparent)),
                 alpha => {
                     return Err(Fault::Unsupported(format!(
-                        "its pixels are partly transparent (first at {}: alpha {alpha} of 65535), and a height is there or not; \
+                        "its pixels are partly transparent (first at {}: alpha {alpha} of 65535), but a sample either has a height or has none; \
                          export 16-bit greyscale without alpha",
                         place()
                     )));
@@ -121,7 +121,7 @@ fn heights(values: &[[u8; 2]], channels: usize, width: usize, kind: &str) -> Res
     Ok(found)
 }
 
-/// Bits and type of colour of the header (section 11.2.1), in words.
+/// Bit depth and colour type of the header (section 11.2.1), in words.
 fn kind(bits: u8, colour: u8) -> String {
     let colour = match colour {
         0 => "grey",

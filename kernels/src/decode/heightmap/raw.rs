@@ -11,12 +11,12 @@ use crate::decode::fault::Fault;
 
 /// Smallest number of samples for which the byte order is checked.
 const JUDGED: usize = 256;
-/// Samples in the wrong byte order are rougher than in the right byte order by more than this factor.
+/// The byte order of integers counts as wrong only if their roughness is above this factor times their roughness in the other byte order.
 const ROUGHER: f64 = 4.0;
-/// Samples may be in the wrong byte order if their roughness is above this number. Random numbers have a roughness of 1/3. Terrain has a
-/// roughness of up to about 0.05.
+/// The byte order of integers counts as wrong only if their [`roughness`] is above this number. Uniformly distributed random numbers have a
+/// roughness of 1/3. Terrain has a roughness of up to about 0.05.
 const ROUGH: f64 = 0.15;
-/// Absolute values that are plausible for heights in floats, apart from 0.
+/// Plausible absolute values of heights that are stored as floats. The height 0 is plausible, too.
 const HEIGHTS: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
 
 /// Reads a file of 16-bit integers or 32-bit floats, as `depth` says.

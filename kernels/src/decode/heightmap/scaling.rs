@@ -23,7 +23,8 @@ pub(super) struct Mapping {
     pub(super) note: Option<String>,
 }
 
-/// Largest relative difference between an elevation from the file and one from the user that counts as rounding.
+/// Largest difference between an elevation from the file and one from the user that counts as rounding, as a share of the larger absolute value;
+/// if both are below 1 m, in metres.
 const SAME: f64 = 1e-6;
 
 impl Statement {

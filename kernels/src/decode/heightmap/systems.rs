@@ -8,7 +8,7 @@ use super::units::Unit;
 /// The Mercator projections of the world (EPSG): those of web maps, and World Mercator.
 pub(super) const WORLD_MERCATOR: [u16; 3] = [3857, 3785, 3395];
 
-/// Vertical systems in feet whose numbers grow upwards (EPSG dataset 12.029), with the code of their unit.
+/// Vertical systems in feet whose values increase upwards (EPSG dataset 12.029), with the code of their unit.
 const VERTICAL_FEET: [(u16, u16); 10] = [
     (5702, 9003),
     (5754, 9095),
@@ -29,7 +29,7 @@ pub(super) fn is_metric(system: u16) -> bool {
         || matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992)
 }
 
-/// Whether the numbers of a vertical system grow downwards: all systems of the EPSG dataset 12.029 whose axis points down.
+/// Whether the values of a vertical system increase downwards: all systems of the EPSG dataset 12.029 whose axis points down.
 pub(super) fn is_depth(system: u16) -> bool {
     matches!(
         system,
@@ -52,7 +52,7 @@ pub(super) fn has_metric_heights(system: u16) -> bool {
     )
 }
 
-/// The unit of a vertical system in feet whose numbers grow upwards; `None` for all other systems.
+/// The unit of a vertical system in feet whose values increase upwards; `None` for all other systems.
 pub(super) fn vertical_feet(system: u16) -> Option<Unit> {
     VERTICAL_FEET.iter().find(|(feet, _)| *feet == system).and_then(|&(_, unit)| Unit::of_code(unit))
 }

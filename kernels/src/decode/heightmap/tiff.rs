@@ -107,7 +107,7 @@ struct Layout {
     is_compressed: bool,
     /// The tag Predictor, if the compression is LZW.
     lzw_predictor: Option<u64>,
-    /// Width and height of a strip or tile.
+    /// Width and height of a strip or tile, in samples.
     chunk: [u32; 2],
     is_tiled: bool,
     offsets: Vec<u64>,
@@ -166,7 +166,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     let [width, height] = description.layout.size;
     let window = options.window_of([width, height], true)?;
     let Georeference { is_south_up, is_mirrored, .. } = description.georeference;
-    // The window is counted from the north-west corner; in the file, this corner may not be the first sample.
+    // The window is counted from the north-west corner; in the file, this corner need not be the first sample.
     let [x, y, w, h] = window;
     let in_file = [if is_mirrored { width - x - w } else { x }, if is_south_up { height - y - h } else { y }, w, h];
     let mut notes = images.notes();

@@ -11,7 +11,7 @@ const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 
 /// The marker of 16-bit unsigned integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;
 /// A value that often marks missing data counts as a marker only if it is below or above all other samples by more than this share of their
-/// range. So real ground at -9999 dm is kept, because there is also ground at -9998 dm.
+/// range. For example, real ground at -9999 dm is kept if there is also ground at -9998 dm.
 const MARKER_GAP: f64 = 1.0 / 64.0;
 
 /// A sample whose absolute value is at least this is no elevation in any unit.
@@ -29,7 +29,7 @@ const ZERO_GAP: f64 = 1.0 / 16.0;
 /// The samples without data, and the reasons.
 #[derive(Default)]
 pub(super) struct Found {
-    /// Whether each sample has no data; empty if all samples have data.
+    /// For each sample, whether it has no data; empty if all samples have data.
     pub(super) mask: Vec<bool>,
     pub(super) count: usize,
     /// The reasons with their counts, and the place of the first sample without data, in words; empty if all samples have data.

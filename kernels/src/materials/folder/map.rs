@@ -237,8 +237,8 @@ fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Refuses a map if more than half of its vectors point into the surface. The others are mirrored out of it, with a remark. Adds a remark if the
-/// lengths of more than half differ from 1 by more than [`LENGTH`].
+/// Refuses a map if more than half of its vectors point into the surface. If fewer do, they are mirrored out of it, with a remark if they are more
+/// than noise ([`NEARLY_ALL`]). Adds a remark if the lengths of more than half of the vectors differ from 1 by more than [`LENGTH`].
 fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
     let below = share_of(&map.texels, |t| t[2] < -0.02);
     if below > 0.5 {

@@ -6,7 +6,7 @@
 //! `metal_plate` do. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
 //! Megascans, Poliigon, Substance and glTF.
 
-/// Direction in the image of the y axis of a normal map. The green channel holds y.
+/// The direction of a normal map's y axis in the image. The green channel holds y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     /// Up in the image, as the name states (`nor_gl`, `NormalGL`).
@@ -207,7 +207,7 @@ fn words_of(name: &str) -> Vec<&str> {
     words
 }
 
-/// Edge of an image in texels: `2k`, `2048`, `2048x2048`.
+/// Edge of an image in texels, from a word such as `2k`, `2048` or `2048x2048`.
 fn edge_in(word: &str) -> Option<u32> {
     if let Some(thousands) = word.strip_suffix('k') {
         return thousands.parse::<u32>().ok().filter(|n| (1..=32).contains(n)).map(|n| n * 1024);
@@ -224,7 +224,7 @@ fn number_after(prefix: &str, word: &str) -> Option<u32> {
     word.strip_prefix(prefix)?.parse().ok()
 }
 
-/// A length in metres: `2m`, `1.5m`, `250cm`. After another number it is not a length: the `5m` of `1_5m` may mean 1.5 m.
+/// A length in metres, from a word such as `2m`, `1.5m` or `250cm`. A word after a number (`before`) is no length: the `5m` of `1_5m` may mean 1.5 m.
 fn metres_in(word: &str, before: &str) -> Option<f64> {
     let (number, unit_m) = match word.strip_suffix("cm") {
         Some(number) => (number, 0.01),

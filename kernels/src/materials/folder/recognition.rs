@@ -17,7 +17,7 @@ const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "tga", "exr"];
 const UNREADABLE: [&str; 16] =
     ["tif", "tiff", "bmp", "dds", "webp", "hdr", "psd", "psb", "gif", "jp2", "ktx", "ktx2", "avif", "heic", "tx", "tex"];
 
-/// File name extensions of texts, which are kept with the images: licences require that notes about the source stay with an image.
+/// File name extensions of texts, which are kept with the images: some licences require that notes about the source stay with an image.
 const TEXTS: [&str; 2] = ["txt", "md"];
 
 /// Largest number of names that a message lists.
@@ -217,8 +217,9 @@ pub struct Sorted {
 
 /// Sorts the files of one folder by the materials in their names.
 ///
-/// The folder holds several materials if the file names state at least two materials that each have an albedo and another map. Each of
-/// these materials then forms a set. Otherwise, all images whose names state a map form one set.
+/// Only images whose names state a usable map are put into sets. The folder holds several materials if at least two materials in the names each
+/// have an albedo and another usable map. Each of these materials then forms a set, and the remaining images are unused. Otherwise, all these
+/// images form one set.
 pub fn sort_out(files: &[PathBuf]) -> Sorted {
     let mut sorted = Sorted::default();
     let mut notes = Vec::new();

@@ -1,7 +1,7 @@
 // Stochastic texture filtering (Fajardo et al., 2023).
 
 // Reads one texel of each texture of one material, in one projection at one of two scales. Material, projection, scale, mip level and texel are
-// chosen at random. 4 fetches. `share` is the probability of the upper scale; 0 = only the lower scale is used.
+// chosen at random. 4 fetches. `scale` is the lower scale; `share` is the probability of the upper scale, `scale` + 1.
 fn shade_stf(pixel: Pixel, salt: u32, scale: u32, share: f32) -> Surface {
     let u = shade_noise(pixel, salt);
     let plane = pixel.planes[select_of_3(pixel.projections, u.x)];
