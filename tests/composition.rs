@@ -115,8 +115,8 @@ fn lit_pictures_are_clipped_at_white_and_follow_the_exposure() {
         values.sort_by(f32::total_cmp);
         (values[values.len() / 2], values[values.len() - 1])
     });
-    // The sRGB curve maps 1 to 1.055 - 0.055, which may exceed 1 by a rounding error: by one step of f16, which is 2^-10 above 1. This step is
-    // subtracted.
+    // White is encoded as 1.055 - 0.055, which may exceed 1 by a rounding error of f32. The conversion to f16 may round this up to the next number,
+    // 1 + 2^-10. So 2^-10 is subtracted from the largest values before they are compared with 1.
     largest.iter_mut().for_each(|(_, most)| *most -= 2f32.powi(-10));
     assert!(largest[1].1 <= 1.0 && largest[1].1 > 0.99, "six stops brighter, some pixels are white and none is brighter: {largest:?}");
     assert!(largest[1].0 > 1.3 * largest[0].0, "{largest:?}");

@@ -118,7 +118,7 @@ fn clicks_paint_dabs_that_are_listed_and_removed() {
     stage.model().probe = None;
     take(&mut stage, "click Picture");
     assert_eq!(stage.model().probe, None, "a click of the brush must not inspect a pixel");
-    assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m")), "{:?}", stage.names());
+    assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m long")), "{:?}", stage.names());
     let dab = shown(&mut stage);
     assert!(differing(&before, &dab) > 0);
     // A mask is painted over the dab. It changes the weights of the splat rules, and this change fades out towards the edge of the mask.

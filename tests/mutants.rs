@@ -433,21 +433,8 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
     let jobs = if args.jobs == 0 { std::thread::available_parallelism()?.get() } else { args.jobs };
     let (table, known) = earlier(args, stage)?;
 
-    // Without a mutant, each group must match at least one test, and its tests must pass. The time that they take determines the time limit of the
-    // group.
     let first = &strength.stage[stage].first;
-    let mut limits: BTreeMap<&[String], Duration> = BTreeMap::new();
-    for group in first.values().chain(groups) {
-        let began = Instant::now();
-        let (end, passed) = runner.tests(None, group, jobs, Duration::from_secs(1200))?;
-        match end {
-            End::Passed if passed > 0 => {}
-            End::Passed => bail!("stage `{stage}`: no test matches {}", group.join(" ")),
-            End::Failed(test) => bail!("stage `{stage}` fails without a mutant: {test}"),
-            End::Hung => bail!("stage `{stage}`: more than 20 minutes for the tests {}", group.join(" ")),
-        }
-        limits.insert(group, Duration::from_secs(60) + began.elapsed() * 8);
-    }
+    let limits = Limits { runner, stage, jobs, known: Mutex::default() };
 
     let mut candidates: Vec<(&'static Wgsl, Mutant)> = files()
         .into_iter()
@@ -499,7 +486,7 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
         while let Some((file, text, fresh)) = jobs_left.get(next.fetch_add(1, Ordering::Relaxed)) {
             let began = Instant::now();
             let groups: Vec<&[String]> = first.get(file.path).into_iter().chain(groups).map(Vec::as_slice).collect();
-            let (outcome, by) = runner.planted(worker, file, text, |folder| verdict(runner, folder, &groups, &limits, args.all))?;
+            let (outcome, by) = runner.planted(worker, file, text, |folder| verdict(folder, &groups, &limits, args.all))?;
             let row = Row { outcome, by, seconds: began.elapsed().as_secs_f64(), ..fresh.clone() };
             if outcome == Outcome::Survived {
                 bar.suspend(|| println!("survived: {}:{} {} ({})", row.file, row.line, row.change, row.operator));
@@ -520,18 +507,46 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
     Ok(rows)
 }
 
+/// The time limits of the groups of a stage. A group has an entry once its tests have passed without a mutant. Groups that no mutant reaches take no
+/// time.
+struct Limits<'s> {
+    runner: &'s Runner,
+    stage: &'s str,
+    /// Number of tests that run at the same time without a mutant.
+    jobs: usize,
+    known: Mutex<BTreeMap<Vec<String>, Duration>>,
+}
+
+impl Limits<'_> {
+    /// The time limit of a group.
+    ///
+    /// # Errors
+    /// Without a mutant, no test matches the group, or a test of the group fails.
+    fn of(&self, group: &[String]) -> Result<Duration> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(&limit) = known.get(group) {
+            return Ok(limit);
+        }
+        let (stage, began) = (self.stage, Instant::now());
+        let (end, passed) = self.runner.tests(None, group, self.jobs, Duration::from_secs(1200))?;
+        match end {
+            End::Passed if passed > 0 => {}
+            End::Passed => bail!("stage `{stage}`: no test matches {}", group.join(" ")),
+            End::Failed(test) => bail!("stage `{stage}` fails without a mutant: {test}"),
+            End::Hung => bail!("stage `{stage}`: more than 20 minutes for the tests {}", group.join(" ")),
+        }
+        let limit = Duration::from_secs(60) + began.elapsed() * 8;
+        known.insert(group.to_vec(), limit);
+        Ok(limit)
+    }
+}
+
 /// Tests a mutant with the groups in their order, and then with all tests if `all` is true. Stops at the first group that does not pass.
-fn verdict(
-    runner: &Runner,
-    folder: &Path,
-    groups: &[&[String]],
-    limits: &BTreeMap<&[String], Duration>,
-    all: bool,
-) -> Result<(Outcome, String)> {
+fn verdict(folder: &Path, groups: &[&[String]], limits: &Limits<'_>, all: bool) -> Result<(Outcome, String)> {
     let everything: Option<&[String]> = all.then_some(&[]);
     for group in groups.iter().copied().chain(everything) {
-        let limit = limits.get(group).copied().unwrap_or(Duration::from_secs(3600));
-        match runner.tests(Some(folder), group, 1, limit)?.0 {
+        let limit = if group.is_empty() { Duration::from_secs(3600) } else { limits.of(group)? };
+        match limits.runner.tests(Some(folder), group, 1, limit)?.0 {
             End::Passed => {}
             End::Failed(test) => return Ok((Outcome::Killed, test)),
             End::Hung => return Ok((Outcome::Hung, format!("time limit of {} s", limit.as_secs()))),

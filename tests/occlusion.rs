@@ -216,7 +216,8 @@ impl Given {
         Given { view, levels: Levels::of(&depths, Given::SIZE, 9), boxes }
     }
 
-    /// Whether each box is shown; `None` = rounding may decide, because the answer changes if the box grows or shrinks by 1/20 000 of its distance.
+    /// Whether each box is shown; `None` = rounding may decide, because the answer changes if each side of the box moves in or out by 1/20 000 of
+    /// the distance from the camera to the box.
     fn shown(&self) -> Vec<Option<bool>> {
         let m = self.view.clip_from_local;
         let rows = [m.row(0), m.row(1), m.row(3)].map(|row| row.to_array());

@@ -496,7 +496,7 @@ fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
         flown.push((shown.pose, shown.texels.clone()));
     }
     assert!(flown.windows(2).all(|pair| pair[0] != pair[1]), "it moved");
-    assert!(stage.has("4 frames so far"), "{:?}", stage.names());
+    assert!(stage.has("Frames so far: 4"), "{:?}", stage.names());
     take(&mut stage, "click Stop recording; click View; click camera ground; click Replay path");
     for frame in 0..6_usize {
         if frame > 0 {
@@ -602,7 +602,7 @@ fn legend(stage: &Stage) -> Vec<(u8, usize)> {
     fn of(name: &str) -> Option<(u8, usize)> {
         let (level, rest) = name.strip_prefix("Level ")?.split_once(": ")?;
         let (_, nodes) = rest.rsplit_once(", ")?;
-        Some((level.parse().ok()?, nodes.strip_suffix(" nodes")?.parse().ok()?))
+        Some((level.parse().ok()?, nodes.strip_prefix("nodes: ")?.parse().ok()?))
     }
     stage.names().iter().filter_map(|name| of(name)).collect()
 }
@@ -648,7 +648,7 @@ fn the_machine_shows_what_each_stage_reported() {
         ];
         expected.extend(Variant::all().filter_map(|variant| {
             let tiles = report.tiles[usize::from(variant.mask())];
-            (tiles > 0).then(|| format!("{tiles} tiles, {:.1} %", 100.0 * f64::from(tiles) / f64::from(report.tiles[0])))
+            (tiles > 0).then(|| format!("{tiles} ({:.1} %)", 100.0 * f64::from(tiles) / f64::from(report.tiles[0])))
         }));
         for text in expected {
             assert!(names.contains(&text), "{camera}: `{text}` is not in {names:?}");

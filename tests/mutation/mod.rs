@@ -305,7 +305,7 @@ fn first_arguments(text: &str, tokens: &[Token], open: usize) -> Option<[Range<u
     Some([tokens[open + 1].range.start..tokens[first - 1].range.end, tokens[first + 1].range.start..tokens[second - 1].range.end])
 }
 
-/// Returns the mutants of a number, each with its operator: changed by a step, halved, or with the opposite sign.
+/// Returns the mutants of a number, each with its operator: slightly larger, halved, or with the opposite sign, where these make sense.
 fn constants(word: &str) -> Vec<(&'static str, String)> {
     let (digits, suffix) = match word.char_indices().last() {
         Some((last, 'u' | 'i' | 'f')) if !word.starts_with("0x") || word.ends_with('u') => word.split_at(last),

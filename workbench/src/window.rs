@@ -175,11 +175,11 @@ impl Workbench {
             if ui.button(label).on_hover_text("Space").clicked() {
                 self.model.clock.paused ^= true;
             }
-            if ui.button("Step").on_hover_text("Advances by one frame and pauses (key .)").clicked() {
+            if ui.button("Step").on_hover_text("Shows the next frame and pauses (key .)").clicked() {
                 self.model.step();
             }
             ui.label(format!("frame {}", self.model.clock.frame))
-                .on_hover_text("Noise and camera paths depend on this frame number, not on a clock");
+                .on_hover_text("Camera paths, and noise that changes over time, depend on this frame number and not on a clock");
             ui.separator();
             panels::viewport::viewpoints(&mut self.model, ui);
         });
@@ -192,7 +192,7 @@ impl Workbench {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
                 ui.colored_label(ui.visuals().error_fg_color, error)
-                    .on_hover_text("The shader files, as they are now, are not in use. Correct and save them to use them.");
+                    .on_hover_text("The shader files are not in use as they are now. To use them, correct and save them.");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),

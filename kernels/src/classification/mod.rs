@@ -128,10 +128,14 @@ fn tiles_section(counts: &[u32; LISTS as usize]) -> Section {
         let tiles = counts[usize::from(variant.mask())];
         if tiles > 0 {
             let share = 100.0 * f64::from(tiles) / f64::from(all.max(1));
-            rows.push(row(&format!("    {variant}"), format!("{tiles} tiles, {share:.1} %")));
+            rows.push(row(&format!("    {variant}"), format!("{tiles} ({share:.1} %)")));
         }
     }
-    Section { name: "Tiles", about: "Classification: a tile runs the variant that has every flavour its pixels need", rows }
+    Section {
+        name: "Tiles",
+        about: "Classification: a tile runs the variant that has exactly the flavours its pixels need, or the forced variant",
+        rows,
+    }
 }
 
 impl Stage for Classification {
@@ -224,6 +228,6 @@ mod tests {
         (counts[0], counts[1], counts[17]) = (8, 6, 2);
         let rows = tiles_section(&counts).rows;
         let rows: Vec<(&str, &str)> = rows.iter().map(|(name, value)| (name.trim(), value.as_str())).collect();
-        assert_eq!(rows, [("Tiles with terrain", "8"), ("vt", "6 tiles, 75.0 %"), ("vt+splat", "2 tiles, 25.0 %")]);
+        assert_eq!(rows, [("Tiles with terrain", "8"), ("vt", "6 (75.0 %)"), ("vt+splat", "2 (25.0 %)")]);
     }
 }

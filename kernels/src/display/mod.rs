@@ -22,7 +22,7 @@ pub mod reference;
 
 /// Format of the displayed picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Luminance, after exposure, that [`ToneCurve::Reinhard`] maps to 1. Greater values are clipped.
+/// Luminance, after exposure, that [`ToneCurve::Reinhard`] maps to 1. Channels that exceed 1 after the curve are clipped.
 pub const WHITE: f64 = 4.0;
 /// Limits of the exposure: the smallest and the largest accepted value, stops.
 pub const STOPS: [f64; 2] = [-16.0, 16.0];
@@ -63,11 +63,12 @@ table! {
     /// How a picture is shown to people.
     #[derive(Copy)]
     Exposure as "frame", {
-        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. It affects the metrics of the lit picture, but neither
-        /// those of albedo nor OpenEXR files.
+        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. It affects the metrics of the lit picture in
+        /// experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the workbench.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
         /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip`, which clips radiance above 1. It affects the
-        /// metrics of the lit picture, but neither those of albedo nor OpenEXR files.
+        /// metrics of the lit picture in experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the
+        /// workbench.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }
 }

@@ -51,14 +51,16 @@ table! {
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
         /// Pattern of the random numbers that decide which material and which projection a pixel takes.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
-        /// How the geometry pass stores the shading normal of a pixel and the plane of its triangle. Derivatives are computed on this plane.
+        /// How the geometry pass stores the shading normal of a pixel and the plane of its triangle. Screen-space derivatives are computed on this
+        /// plane.
         normals: NormalEncoding = NormalEncoding::Octahedral, "", Kind::Name(|| NormalEncoding::ALL.map(NormalEncoding::name).to_vec()),
             GEOMETRY.shown("Stored normals");
         /// Seed of the random numbers.
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
         /// Give each frame a different seed: `seed` plus the number of the frame.
         reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed per frame");
-        /// Evaluate full splat at two tiling scales and blend both: 96 fetches instead of 48.
+        /// Evaluate full splat at two tiling scales and blend both, which doubles its fetches: with `fc5`, 96 instead of 48. This has an effect only
+        /// with the estimators `fc5`, `exact` and `biplanar`.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
         /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
@@ -69,18 +71,18 @@ table! {
         /// Draw fewer vertices of a patch where the ground then moves by at most this distance on the screen, except where patches with different
         /// vertices meet. 0 draws all vertices that the vertex stride leaves.
         geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
-        /// Which terrain nodes can be drawn. `settled`: all, so each picture waits for its nodes. `scheduled`: those that have arrived. Pictures of a
-        /// moving camera then show coarser ground where nodes are late. All nodes of the first picture have arrived.
+        /// Which terrain nodes can be drawn. `settled`: all, so each picture waits for its nodes. `scheduled`: only those that have arrived, so
+        /// pictures of a moving camera show coarser ground where nodes are late. All nodes of the first picture have arrived.
         residency: Loading = Loading::Settled, "", Kind::Name(|| Loading::ALL.map(Loading::name).to_vec()), STREAMED;
         /// Largest number of nodes that are requested per frame if residency is scheduled.
         nodes_per_frame: u32 = Schedule::default().nodes_per_frame, "", Kind::Whole(1, CAPACITY), STREAMED;
         /// Number of frames from the request of a node to the first frame that can draw it, if residency is scheduled.
         latency: u32 = Schedule::default().latency_frames, "frames", Kind::Whole(1, 600), STREAMED;
-        /// Edge of a tile of the screen.
+        /// Edge length of a tile of the screen, the area that one variant shades.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// The area whose pixels share a variant when `tile_fetches_per_px` is computed: each tile of the screen, or each patch of the terrain. The
-        /// shading passes always use tiles.
+        /// The area whose pixels share a variant when the metric `tile_fetches_per_px` is computed: each tile of the screen, or each patch of the
+        /// terrain. The shading passes always use tiles.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }

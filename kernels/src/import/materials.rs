@@ -51,7 +51,7 @@ pub struct MaterialSurvey {
     pub found: Vec<Found>,
     /// Materials that cannot be drawn.
     pub refused: Vec<Refused>,
-    /// Files and folders that are no part of a material.
+    /// Files and folders that no material uses, with the reasons. They include maps of a material that are not used, such as a second normal map.
     pub unused: Vec<Unused>,
 }
 

@@ -72,7 +72,7 @@ pub struct Arrivals {
     schedule: Schedule,
     /// Number of the next frame.
     frame: u64,
-    /// For each node that has arrived, except the roots: the last frame that visited it or, before its first visit, the frame at which it arrived.
+    /// For each node that has arrived, except the roots: the last frame that visited it or, before its first visit, the frame at whose end it arrived.
     used: BTreeMap<NodeId, u64>,
     /// For each node that was requested and has not arrived: the first frame that can draw it.
     requested: BTreeMap<NodeId, u64>,
@@ -146,7 +146,7 @@ impl Arrivals {
                 let Some((_, oldest)) = idle.next() else { continue };
                 self.used.remove(&oldest);
             }
-            self.used.insert(node, self.frame);
+            self.used.insert(node, ended);
         }
         self.publish();
     }

@@ -33,12 +33,12 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
-        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0 means no virtual
-        /// texture.
+        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0: there is no virtual
+        /// texture, and all ground is shaded from the far atlas.
         far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
         /// Cliffs nearer than this distance are shaded by the flavour `near-cliff`, cliffs beyond it by `far-cliff` (Far Cry 5: 30 m).
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
-        /// Beyond this distance cliffs, too, are shaded from the far atlas.
+        /// Beyond this distance, cliffs are shaded from the far atlas, too.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
         /// Half the width of the transition at a distance where the flavour changes, as a share of that distance. Example: 0.15 at 300 m blends from
         /// 255 m to 345 m.
@@ -46,11 +46,12 @@ table! {
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
-        /// Width of the range of slopes over which flavours blend, at `cliff_slope_deg` and at the lower end of the splat band. Half of the width is
-        /// on either side of these slopes.
+        /// Width of the range of slopes over which flavours blend, at the slope at which cliffs begin (`cliff_slope_deg`) and at the lower end of the
+        /// splat band. Half of the width lies on either side of these slopes.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
-        /// Width of the band of slopes just below `cliff_slope_deg` that is shaded by full tri-planar splat, up to the distance `cliff_near_m`.
-        /// These slopes are too steep for one projection, and they border on contrasting materials. 0: no splat.
+        /// Width of the band of slopes just below those of cliffs (`cliff_slope_deg`) that is shaded by full tri-planar splat, up to the distance at
+        /// which near cliffs end (`cliff_near_m`). These slopes are too steep for one projection, and they border on contrasting materials. 0: no
+        /// splat.
         splat_band_deg: f64 = 8.0, "deg", number(0.0, 89.0), FLAVOURS.slider("Splat band", 0.0, 30.0);
     }
 }
@@ -73,8 +74,8 @@ table! {
         /// Sharpness of the height blend: k in w' = w 2^(k h), where w is the bilinear weight of a material and h its height. The larger k, the more
         /// the highest material dominates. 0: plain bilinear weights.
         height_sharpness: f64 = 8.0, "", number(0.0, 1.0e4), BLEND.slider("Height blend", 0.0, 64.0);
-        /// Sharpness of the tri-planar blend: k in the weights of the three projections, w = abs(n)^k, where n is the normal. The larger k, the
-        /// sharper the borders between projections.
+        /// Sharpness of the tri-planar blend: k in the weights of the three projections, w = abs(n)^k, where n is the component of the unit normal
+        /// along the axis of the projection. The larger k, the sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
         /// Bias of the mip levels: texture gradients are scaled by 2^bias. Below 0, the picture is sharper and flickers more; above 0, it is
         /// blurrier.
@@ -94,7 +95,7 @@ table! {
     Sun of Scene as "sun" at |scene| scene.sun, {
         /// Compass bearing from which the light comes, clockwise from north.
         azimuth_deg: f64 = 190.0, "deg", number(-360.0, 360.0), LIGHT.slider("Sun from", 0.0, 360.0);
-        /// Height of the sun above the horizon.
+        /// Angle of the sun above the horizon.
         elevation_deg: f64 = 34.0, "deg", number(-90.0, 90.0), LIGHT.slider("Sun above", 0.5, 90.0);
         /// Irradiance on a surface that faces the sun, linear RGB.
         irradiance: [f64; 3] = [4.8, 4.4, 3.8], "", Kind::Numbers(3, Range::new(0.0, 1.0e4)), LIGHT;
@@ -124,7 +125,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: Kind::Whole(0, u32::MAX),
         default: || None,
-        about: "Seed of the procedural world, or of the added relief, the noise masks and the colour modulation map of a heightmap world. A heightmap world without this key has seed 0.",
+        about: "Seed of the procedural world, which needs this key, or of the added relief, the noise masks and the colour modulation map of a \
+                heightmap world, where the default is 0.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
@@ -138,7 +140,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: number(0.0, 1.0),
         default: || Some(Value::Float(0.0)),
-        about: "Range of brightness in the colour modulation map, from its darkest to its lightest value. 0: there is no map, and nothing is sampled.",
+        about: "Strength s of the colour modulation map, a factor on the colour of the ground that varies from about 1 - s to 1 + s. 0: there is no \
+                map, and nothing is sampled.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),
@@ -152,7 +155,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: positive(1.0e5),
         default: || None,
-        about: "Spacing of a heightmap's samples.",
+        about: "Distance between neighbouring samples of a heightmap. Every heightmap world needs this key.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,
@@ -168,7 +171,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: Kind::Numbers(2, Range::new(-FAR_M, FAR_M)),
         default: || None,
-        about: "Elevations of a heightmap's sample values 0 and 65535, the lower one first.",
+        about: "Elevations of a heightmap's sample values 0 and 65535, the lower one first. Every heightmap world needs this key.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,
@@ -184,7 +187,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: number(0.0, 1000.0),
         default: || Some(Value::Float(0.0)),
-        about: "Largest offset of the procedural relief that is added to a heightmap at scales finer than its resolution. 0: no relief is added, and the finest LOD is the one that matches the heightmap's resolution.",
+        about: "Largest change of elevation by the procedural relief that is added to a heightmap at scales finer than its resolution. 0: no \
+                relief is added, and the finest LOD is the one that matches the heightmap's resolution.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,

@@ -158,7 +158,7 @@ pub trait Field {
     /// The value does not fit this type. The error is a hint, which [`Setting::set`] adds to its message; it may be empty.
     fn store(&mut self, value: &Value) -> Result<(), String>;
 
-    /// A mutable reference to the number; `None` if the value is not a single real number.
+    /// A mutable reference to the number; `None` if the value is not a single `f64`.
     fn number(&mut self) -> Option<&mut f64> {
         None
     }

@@ -44,7 +44,7 @@ impl Mode {
             Mode::Wipe => "A is left of the line, B is right of it. Drag the line to move it.",
             Mode::SideBySide => "The same part of A and B, next to each other",
             Mode::Flicker => "One picture at a time. The key X switches between A and B.",
-            Mode::Difference => "Absolute difference in luminance, from 0.001 (black) to 1 (pale yellow), logarithmic",
+            Mode::Difference => "Absolute difference in lit linear luminance, from 0.001 (black) to 1 (pale yellow), logarithmic",
         }
     }
 }
@@ -163,7 +163,7 @@ pub fn label(own: &Settings, other: &Settings) -> String {
         parts.push("different rules".to_owned());
     }
     if own.scene.strokes != other.scene.strokes {
-        parts.push(format!("{} strokes", own.scene.strokes.len()));
+        parts.push(format!("strokes: {}", own.scene.strokes.len()));
     }
     if parts.is_empty() { own.choice_name() } else { parts.join(", ") }
 }

@@ -144,7 +144,7 @@ static DIFFERENCE: [Scale; 1] =
     [Scale { name: "|A - B| in luminance", colours: Colours::Magma, ends: [1e-3, 1.0], logarithmic: true, ticks: LUMINANCES }];
 const LUMINANCES: &[(f32, &str)] = &[(1e-3, "0.001"), (0.01, "0.01"), (0.1, "0.1"), (1.0, "1")];
 static FLIPS: [Scale; 1] = [Scale {
-    name: "share of choices that differ from the previous frame",
+    name: "share of choices that differ from those in the previous frame",
     colours: Colours::Magma,
     ends: [0.0, 1.0],
     logarithmic: false,
@@ -269,27 +269,48 @@ impl Layer {
     pub const fn legend(self) -> &'static str {
         match self {
             Layer::Lit => "linear radiance, exposed and tone-mapped as set in Parameters",
-            Layer::Albedo => "linear albedo as sRGB",
-            Layer::Normal => "x, y, z from -1 to 1 as red, green, blue",
-            Layer::Depth => "from 1 m (black) to 10 km (pale yellow), logarithmic",
-            Layer::Mask => "flavours that a pixel needs; a set of flavours has the mean colour of its flavours",
-            Layer::Tiles => "variant that a tile runs; a set of flavours has the mean colour of its flavours",
-            Layer::Fetches => "texture fetches per pixel, from 0 (black) to 96 (pale yellow)",
-            Layer::Choice => {
-                "first random choice of a pixel: splat texel and, on far cliffs, projection; 8 colours for 12 choices; black = no random choice"
+            Layer::Albedo => "linear albedo, encoded as sRGB",
+            Layer::Normal => "normal with normal maps applied: x (east), y (north), z (up) from -1 to 1 as red, green, blue",
+            Layer::Depth => "distance along the view direction, from 1 m (black) to 10 km (pale yellow), logarithmic; black = sky",
+            Layer::Mask => {
+                "flavours that a pixel needs; a set of flavours has their mean colour; in the picture, colours are mixed half and half with the \
+                 lit picture"
             }
-            Layer::Lod => "LOD of the terrain node, from 0 (the finest) to 5",
-            Layer::Stride => "vertex stride of the patch: with a stride of n, every n-th vertex along the side of a patch is drawn",
+            Layer::Tiles => {
+                "variant that a tile runs; a set of flavours has their mean colour; in the picture, colours are mixed half and half with the lit \
+                 picture"
+            }
+            Layer::Fetches => "texture fetches per pixel, from 0 (black) to 96 or more (pale yellow)",
+            Layer::Choice => {
+                "first random choice of a pixel: 1 + splat texel (0 to 3) + 4 x projection (0 to 2; 0 if the projection is not chosen at random); \
+                 8 colours for 12 choices; black = no random choice"
+            }
+            Layer::Lod => {
+                "LOD of the terrain node, from 0 (fine) to 5 (coarse); in the picture, colours are mixed half and half with the lit picture"
+            }
+            Layer::Stride => {
+                "vertex stride of the patch: with a stride of n, every n-th vertex along the side of a patch is drawn; in the picture, colours \
+                 are mixed half and half with the lit picture"
+            }
             Layer::Deviation => {
-                "standard deviation of the luminance of albedo over frames, from 0.001 (black) to 1 (pale yellow), logarithmic"
+                "standard deviation of the luminance of albedo over frames, from 0.001 (black) to 1 (pale yellow), logarithmic; pixels without a \
+                 value show the lit picture, darkened"
             }
             Layer::Flicker => {
-                "mean |change| in luminance of albedo since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic"
+                "mean |change| in luminance of albedo since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic; pixels \
+                 without a value show the lit picture, darkened"
             }
-            Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
-            Layer::Bias => "mean A - B in luminance of albedo, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
+            Layer::Flips => {
+                "share of choices that differ from those in the previous frame, from 0 (black) to 1 (pale yellow); pixels without a value show \
+                 the lit picture, darkened"
+            }
+            Layer::Bias => {
+                "mean A - B in luminance of albedo over frames, from -0.1 (blue) through 0 (grey, also if B is not drawn) to 0.1 (orange); pixels \
+                 without a value show the lit picture, darkened"
+            }
             Layer::Residual => {
-                "mean |change of A - B| in luminance of albedo since the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic; black if B is not drawn"
+                "mean |change of A - B| in luminance of albedo since the previous frame, from 0.001 (black, also if B is not drawn) to 1 (pale \
+                 yellow), logarithmic; pixels without a value show the lit picture, darkened"
             }
         }
     }

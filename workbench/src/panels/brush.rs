@@ -20,14 +20,14 @@ const fn name(kind: StrokeKind) -> &'static str {
 const fn about(kind: StrokeKind) -> &'static str {
     match kind {
         StrokeKind::Splat => "Paints the material wherever the brush passes, regardless of the rules",
-        StrokeKind::Mask => "Multiplies the weights of the rules for this material by the amount",
+        StrokeKind::Mask => "Multiplies the weights of the material's rules by `Brush amount` wherever the brush passes",
     }
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     model.brush.fit(&model.settings.scene);
     ui.checkbox(&mut model.brush.paints, "Paint")
-        .on_hover_text("If on, a drag or click in the picture paints on the ground; a drag with Shift looks around (switch: key B)");
+        .on_hover_text("If on, a drag or click in the picture paints on the ground, and a drag with Shift looks around (key B)");
     settings(model, ui);
     notes(model, ui);
     ui.separator();
@@ -45,7 +45,8 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("A splat brush lays this material. A mask brush changes the weight of this material's rules.");
+        let hint = "A splat brush lays this material. A mask brush changes the weights of this material's rules.";
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text(hint);
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };
@@ -85,7 +86,7 @@ fn strokes(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.label(format!("{}; later strokes cover earlier ones", counted(count, "stroke")));
         let clear = ui.add_enabled(count > 0, Button::new("Clear strokes"));
-        if clear.on_hover_text("Removes all strokes, including those from the scene file. Undo restores them.").clicked() {
+        if clear.on_hover_text("Removes all strokes, including those with which the scene was opened. Undo restores them.").clicked() {
             strokes.clear();
         }
     });
@@ -109,7 +110,7 @@ fn strokes(model: &mut Model, ui: &mut Ui) {
 
 fn line(number: usize, stroke: &Stroke) -> String {
     let points = counted(stroke.points.len(), "point");
-    format!("Stroke {number}: {}, {}, {points}, {:.1} m", name(stroke.kind), stroke.material, length_m(stroke))
+    format!("Stroke {number}: {}, {}, {points}, {:.1} m long", name(stroke.kind), stroke.material, length_m(stroke))
 }
 
 fn counted(count: usize, what: &str) -> String {

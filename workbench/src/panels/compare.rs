@@ -43,7 +43,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             model.compare.swap(&mut model.settings);
             model.keep_viewpoint();
         }
-        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("Switches between A and B (key X)").clicked() {
+        let hint = "Shows one picture at a time, and switches between A and B (key X)";
+        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text(hint).clicked() {
             flick(model);
         }
     });
@@ -52,11 +53,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Zoom");
         ui.add(egui::Slider::new(&mut model.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
             .labelled_by(label.id)
-            .on_hover_text("Magnification of both pictures (Ctrl and the wheel over the picture)");
+            .on_hover_text("Magnification of what the viewport shows, 1 to 64 (Ctrl and the wheel over the picture)");
         if ui.button("Fit").clicked() {
             (model.looking.zoom, model.looking.centre) = (1.0, [0.5; 2]);
         }
-        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Magnifies A and B under the pointer by a factor of 8 (key L)");
+        ui.checkbox(&mut model.looking.loupe, "Loupe")
+            .on_hover_text("Magnifies A and, if it is drawn, B under the pointer by a factor of 8 (key L)");
     });
     if model.compare.mode == Mode::Wipe {
         let label = ui.label("Wipe at");
@@ -100,8 +102,12 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() },
             "Peak signal-to-noise ratio: the ratio of the peak value 1 to the RMSE, in decibels",
         );
-        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in lit luminance, over the pixels that show terrain");
-        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in lit luminance, over the pixels that show terrain");
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in lit linear luminance, over the pixels that show terrain");
+        row(
+            "Largest |A - B|",
+            format!("{largest:.4}"),
+            "Largest absolute difference in lit linear luminance, over the pixels that show terrain",
+        );
     });
     ui.label("These numbers compare the lit pictures of this frame, with one sample per pixel. Experiments compare with a supersampled reference.");
 }

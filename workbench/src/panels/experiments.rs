@@ -138,17 +138,17 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "Number of frames from frame 0 on: at least 2 for flips and residual flicker, at least 5 to compare frames with a lag of 4",
+            "Number of frames, 1 to 1000, from frame 0 on: at least 2 for flips and residual flicker, at least 5 to compare frames 4 apart",
         );
         count(
             ui,
             "Seeds of the run",
             &mut panel.seeds,
             [0, MOST_SEEDS],
-            "Number of seeds for bias and variance: at least 2, or 0 to measure neither",
+            "Number of random seeds for bias and variance: 2 to 4096, or 0 to measure neither",
         );
     });
-    let hint = "Saves scene, numbers, view, size, variant, estimator and noise as a definition for `experiments run` and `check`";
+    let hint = "Saves scene, view, picture size and settings as an experiment definition, for `experiments run` and `experiments check`";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
         let saved = save(panel, model);
         // Read the folders again, because saving may have added a definition.
@@ -174,7 +174,7 @@ fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
 /// The list of definitions, with a button to run each.
 fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     egui::Grid::new("definitions").num_columns(2).show(ui, |ui| {
-        place(ui, "Definitions", &mut panel.definitions, "A folder of definitions, or one .toml file");
+        place(ui, "Definitions", &mut panel.definitions, "A folder of experiment definitions (.toml files), or one such file");
         place(ui, "Results", &mut panel.out, "Folder in which each run gets a folder of its own");
     });
     let found = panel.found(ui.ctx().cumulative_frame_nr());
@@ -187,9 +187,13 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         for Found { file, lacks } in &found {
             let button = ui.add_enabled(idle && lacks.is_none(), Button::new(format!("Run {}", experiment::name(file))));
-            let why = lacks.as_deref().unwrap_or("Another run is in progress: wait for it, or cancel it");
+            let why = lacks.as_deref().unwrap_or("Another run is in progress: wait until it ends, or cancel it");
             let button = button.on_disabled_hover_text(why);
-            if button.on_hover_text(format!("{}. If an earlier run of it was stopped, that run continues.", file.display())).clicked() {
+            let hint = format!(
+                "Runs {}. If `Results` holds an earlier run of it, a stopped run continues, and of a finished run only the report is rewritten.",
+                file.display()
+            );
+            if button.on_hover_text(hint).clicked() {
                 wanted = Some(file);
             }
         }
@@ -205,7 +209,9 @@ fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     let Some(outcome) = run.outcome() else {
         if ui
             .button("Cancel run")
-            .on_hover_text("Stops the run after its current step; finished parts are kept. A second click stops it at once.")
+            .on_hover_text(
+                "Stops the run, on Linux and macOS after its current step; finished parts are kept. A second click stops it at once.",
+            )
             .clicked()
         {
             run.cancel();

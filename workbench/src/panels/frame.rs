@@ -29,7 +29,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Shaded by",
-            "How tiles get their variant: automatic choice or one forced variant. `generic`: the generic kernel shades all tiles.",
+            "`auto`: each tile is shaded by the variant that its pixels need; otherwise, all are shaded by the named one. `generic`: by the \
+             generic kernel.",
             shown.wish.settings.choice_name(),
         );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
@@ -37,7 +38,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Drawn and read back",
-            "Wall-clock time from the start of drawing until all pictures are on the CPU. It includes loading terrain nodes, drawing B, inspecting a pixel, and live metrics.",
+            "Wall-clock time from the start of drawing until all pictures are on the CPU. It includes loading terrain nodes and, if they are on, \
+             drawing B, inspecting a pixel, and live metrics.",
             format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
         );
         row(
@@ -47,7 +49,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             format!("{:.1} ms", report.selection_ms),
         );
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
-        row(ui, "Passes, device time", "Sum of the passes below, as measured by the device", format!("{device:.1} ms"));
+        row(
+            ui,
+            "Passes, device time",
+            "Sum of the times of the passes below, as measured by the device; without B. 0 if the device does not measure times.",
+            format!("{device:.1} ms"),
+        );
         for (name, ms) in passes(&report.passes) {
             row(ui, &name, "", format!("{ms:.2} ms"));
         }
@@ -89,7 +96,7 @@ fn times(model: &Model, ui: &mut Ui) {
         model.times.len()
     ));
     if let Some([median, worst]) = median_and_longest(&model.answers) {
-        let hint = "Time to draw the window itself, without the pictures. A click waits at most this long.";
+        let hint = "Time to draw the window itself, without the terrain pictures. A click waits for at most one such drawing.";
         ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", model.answers.len())).on_hover_text(hint);
     }
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());

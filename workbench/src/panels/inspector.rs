@@ -29,9 +29,9 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     if model.probe.is_none() {
         ui.label("Click a place in the picture, or give a pixel's column and row.");
     } else if shown.wish.probe != model.probe {
-        ui.label("...").on_hover_text("The table still shows the previous pixel");
+        ui.label("...").on_hover_text("The picture with this pixel is not ready yet. The table may still show the previous pixel.");
     } else if shown.draft {
-        ui.label("This is only a preview (first look). Wait until the textures of the scene are ready, then inspect a pixel.");
+        ui.label("This is only a preview (first look). The table appears when the textures of the scene are ready.");
     } else if shown.pixel.is_none() {
         ui.label("Sky: this pixel shows no terrain.");
     }
@@ -60,13 +60,14 @@ fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
         model.probe = Some(probe_of(pixel, size));
     }
     ui.horizontal_wrapped(|ui| {
-        if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text("Copies the table as lines of name, tab, value").clicked() {
+        let hint = "Copies the table to the clipboard, one row per line: name, tab, value";
+        if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text(hint).clicked() {
             let text: String = rows.iter().map(|row| format!("{}\t{}\n", row.name, row.value)).collect();
             ui.ctx().copy_text(text);
         }
         if ui
             .add_enabled(model.probe.is_some(), Button::new("Let go"))
-            .on_hover_text("Stops inspecting. Each picture is then shaded once instead of twice.")
+            .on_hover_text("Stops inspecting. A is then shaded once per picture instead of twice.")
             .clicked()
         {
             model.probe = None;
@@ -106,7 +107,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     row(
         "Sector",
         format!("{}, {}", pixel.sector[0], pixel.sector[1]),
-        "Column and row of the sector, from the south-west corner of the world",
+        "Column and row of the sector, a square of the ground 64 m wide (wider in large imported worlds), from the south-west corner of the world",
     );
     row(
         "Depth",
@@ -117,12 +118,12 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     row(
         "Shading normal",
         normal(pixel.shading_normal),
-        "The shading normal, as stored. The weights of flavours and projections depend on it.",
+        "Normal for shading, as the geometry pass stored it: east, north, up. The weights of flavours and projections depend on it.",
     );
     row(
         "Triangle normal",
         normal(pixel.triangle_normal),
-        "The normal of the triangle, as stored. The derivatives of the position are computed from it.",
+        "Normal of the triangle, as the geometry pass stored it, turned towards the camera. Derivatives of the position follow from it.",
     );
     match (pixel.triangle, pixel.normal_error()) {
         (Some(triangle), Some(error)) => {
@@ -135,13 +136,13 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
             row(
                 "Triangle",
                 format!("LOD {}, vertices {} m apart", triangle.lod, triangle.spacing_m),
-                "Level of the quadtree node that is drawn here (0 is the finest), and the spacing of its vertices",
+                "Level of the quadtree node that is drawn here (the smaller, the finer), and the distance between its drawn vertices",
             );
         }
         _ => row(
             "Triangle",
             "not in the world data".to_owned(),
-            "The world data has no triangle at this depth. This happens if the shader that places vertices was edited.",
+            "The world data has no triangle at this depth. This happens if the shader that places vertices was edited, or rarely by rounding.",
         ),
     }
     for (step, [name, exact, off]) in pixel
@@ -152,13 +153,13 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         row(
             name,
             format!("{} m", vector(step.shader, 5)),
-            "Change of the position from this pixel to the next one, as computed by the shader",
+            "Change of the position from this pixel to the next one in this direction, as computed by the shader",
         );
         let of_exact = step.exact.map_or_else(|| "none".to_owned(), |step| format!("{} m", vector(step, 5)));
         row(
             exact,
             of_exact,
-            "Step to where the ray of the next pixel meets the plane of the exact triangle; none if the ray does not meet it",
+            "Step to where the ray of the next pixel meets the plane of the exact triangle; none if they do not meet, or if there is no triangle",
         );
         row(
             off,
@@ -215,14 +216,14 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
             row(
                 "Projection threshold",
                 format!("{threshold:.6}"),
-                "Random number from 0 to 1. The first projection whose cumulative weight exceeds it is chosen.",
+                "Random number from 0 to 1. The first projection (x, y, z) whose cumulative weight exceeds it is chosen.",
             );
             row("Projections", weights.join(", "), "Weights of the projections along east (x), north (y) and up (z)");
         }
         row(
             "Material threshold",
             format!("{:.6}", draw.material),
-            "Random number from 0 to 1. The first material whose cumulative bilinear weight exceeds it is chosen.",
+            "Random number from 0 to 1. The first of the four materials above whose cumulative bilinear weight exceeds it is chosen.",
         );
     }
     row(
@@ -234,7 +235,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
     row(
         "Choice by reference",
         verdict,
-        "The choice that the reference computes from the thresholds. The shader may choose differently because of rounding.",
+        "The choice that the CPU computes from the thresholds, to check the shader. The shader may choose differently because of rounding.",
     );
 }
 
@@ -247,7 +248,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Page",
         format!("level {level}, column {x}, row {y}"),
-        "The page that this pixel requests. Columns and rows of its level count from the south-west corner of the world.",
+        "The page of the virtual texture that this pixel requests. Columns and rows of its level count from the world's south-west corner.",
     );
     row(
         "Place in page",
@@ -257,19 +258,24 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Size of the pixel on the ground, seen from above, in texels of level 0, with mip bias: shorter side, longer side, and (`covered`) the length that decides the level",
+        "Size of the pixel on the ground, seen from above, in texels of level 0, with mip bias: shorter side, longer side, and (`covered`) the \
+         length that decides the level",
     );
     row(
         "Page LOD",
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
-        "log2 of the length that decides the level, at least 0. The integer part is the level, the fraction is the mip level within the page.",
+        "log2 of the length that decides the level, at least 0. Its integer part, at most 13, is the level; the rest is the mip level in the page.",
     );
     let served = match page.served {
         Some(served) if served == page.id => "the same".to_owned(),
         Some(kernels::virtual_texture::PageId { level, x, y }) => format!("level {level}, column {x}, row {y}"),
         None => "none: far atlas".to_owned(),
     };
-    row("Page sampled", served, "The sampled page is coarser than the requested one if the cache cannot hold all pages of the frame");
+    row(
+        "Page sampled",
+        served,
+        "The page that is sampled: the requested one or, if the cache cannot hold all pages of the frame, a coarser one or the far atlas",
+    );
 }
 
 #[cfg(test)]

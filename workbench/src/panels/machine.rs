@@ -89,9 +89,9 @@ fn legend(levels: &[Level], ui: &mut Ui) {
     egui::Grid::new("levels").num_columns(5).striped(true).show(ui, |ui| {
         for (name, about) in [
             ("", "Colour of the level on the map"),
-            ("Level", "0 is the finest"),
-            ("Edge", "Length of an edge of a node"),
-            ("Nodes", "Number of nodes selected for this frame"),
+            ("Level", "Level of the quadtree; the smaller, the finer"),
+            ("Edge", "Length of an edge of a terrain node of this level"),
+            ("Nodes", "Number of nodes of this level that are selected for this frame"),
             ("Texel", "Length of an edge of a texel of the albedo and normal atlases. A node has 128 texels and 128 quads along an edge."),
         ] {
             ui.label(name).on_hover_text(about);
@@ -100,7 +100,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
         for level in levels {
             let (swatch, painter) = ui.allocate_painter(vec2(SWATCH_POINTS, SWATCH_POINTS), Sense::hover());
             painter.rect_filled(swatch.rect, 2.0, level_colour(level.lod));
-            let name = format!("Level {}: {} m, {} nodes", level.lod, level.edge_m, level.nodes);
+            let name = format!("Level {}: {} m, nodes: {}", level.lod, level.edge_m, level.nodes);
             swatch.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
             ui.label(level.lod.to_string());
             ui.label(format!("{} m", level.edge_m));
@@ -222,7 +222,8 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "The selected nodes, coloured by level, with north at the top; the camera, its view direction, and the part of the ground that it would see if the ground were flat",
+        "The selected terrain nodes, seen from above, coloured by level, with north at the top; the camera, its view direction, and the part of \
+         the ground that it would see if the ground were flat",
     );
     if frozen.is_some() {
         ui.label("Culling is frozen: the nodes and patches are selected for the yellow camera.");

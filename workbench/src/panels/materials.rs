@@ -123,11 +123,11 @@ fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
     let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
         ui.painter().rect_stroke(rect, 2.0, ui.visuals().widgets.noninteractive.bg_stroke, StrokeKind::Inside);
-        response.on_hover_text(format!("There is no picture with the material {name} yet"));
+        response.on_hover_text(format!("The mean colour of {name} is not known until the next picture is drawn"));
         return;
     };
     ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));
-    let text = format!("Mean albedo of {name}, tint included: linear red, green, blue {r:.3} {g:.3} {b:.3}");
+    let text = format!("Mean albedo of {name}, tint included, linear red, green, blue: {r:.3}, {g:.3}, {b:.3}");
     response.on_hover_text(text);
 }
 
@@ -188,12 +188,13 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let field = ui.add(TextEdit::singleline(&mut model.materials.folder).desired_width(FIELD)).labelled_by(label.id);
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
     field.on_hover_text(
-        "Folder with four images, named albedo, normal, height and roughness (.png, .jpg, .tga or .exr); absolute, or relative to the scene's folder",
+        "Folder with images (.png, .jpg, .tga or .exr) named albedo, normal, height and roughness, or as Poly Haven, ambientCG and Quixel name \
+         them; absolute, or relative to the folder of the scene file",
     );
     ui.end_row();
 
     ui.label("");
-    if ui.button("Use texture folder").on_hover_text("Uses the textures in the folder named above").clicked() || entered {
+    if ui.button("Use texture folder").on_hover_text("Uses the textures in the folder named in `Texture folder`").clicked() || entered {
         take_typed_folder(model, index);
     }
     ui.end_row();
@@ -249,7 +250,7 @@ fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
 
 /// The controls for the tint: a colour picker for values up to 1, and number fields that also accept higher values.
 fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
-    let hint = "Factor on the colour of the texture where its colour mask is 1, linear RGB, 0 to 16";
+    let hint = "Factor on the colour of the texture, linear RGB, 0 to 16. If the texture has a colour mask, the factor applies where the mask is 1.";
     ui.label("Tint").on_hover_text(hint);
     ui.horizontal(|ui| {
         let mut colour = tint.map(|c| c.clamp(0.0, 1.0) as f32);
@@ -277,7 +278,7 @@ fn saving(model: &mut Model, ui: &mut Ui) {
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
         ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a new .toml file, or of the scene's own file. {}", from_here()));
         ui.checkbox(&mut panel.overwrites, "Overwrite")
-            .on_hover_text("Allows overwriting the file from which this scene was opened, or in which it was saved, but no other file");
+            .on_hover_text("Allows overwriting a file from which this scene was opened, or to which it was saved, but no other file");
     });
     let hint = "Writes the scene with its materials, rules, strokes and numbers to a file for this program and `experiments`";
     if ui.button("Save scene as...").on_hover_text(hint).clicked() {

@@ -27,20 +27,21 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Residual",
-        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point. If B is the reference blend, this \
-                is the change that only one of A and B has. None if B is not drawn.",
+        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point: the change that only one \
+                of the two pictures has. Measured for A only, while B is drawn.",
         of: |s| s.residual,
     },
     Quantity {
         name: "Noise",
-        about: "Square root of the mean variance: the variance of the luminance of albedo over frames at each surface point, averaged over all points",
+        about: "Square root of the mean variance: the variance of the luminance of albedo over frames at each surface point, averaged over all \
+                points",
         of: |s| Some(s.variance.sqrt()),
     },
-    Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo; none if B is not drawn", of: |s| s.bias },
+    Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo. Measured for A only, while B is drawn.", of: |s| s.bias },
     Quantity {
         name: "Clumping",
         about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise of the same variance; 1 = white, more = \
-                blotches. The noise of A is A - B if B is drawn; otherwise, it is the deviation from the running mean.",
+                blotches. The noise of A is A - B if B is drawn; otherwise, and for B, it is the deviation from the running mean.",
         of: |s| s.clumping,
     },
 ];
@@ -48,15 +49,19 @@ const QUANTITIES: [Quantity; 6] = [
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
-        ui.checkbox(on, "Measure").on_hover_text("Measures the numbers below in every frame. This uses shaders that record choices, so times differ from those of the normal shaders.");
-        ui.checkbox(frozen, "Freeze")
-            .on_hover_text("Keeps the numbers as they are. If time advances by more than one frame while the numbers are frozen, measuring starts again when you switch this off.");
+        let hint = "Measures flicker, noise and other numbers in every frame, and shows them below. This uses shaders that record random choices, \
+                    so times differ from those of the normal shaders.";
+        ui.checkbox(on, "Measure").on_hover_text(hint);
+        let hint = "New frames do not change the numbers. If the settings of A or B change meanwhile, or time advances by more than one frame, \
+                    measuring starts again when you switch this off.";
+        ui.checkbox(frozen, "Freeze").on_hover_text(hint);
         if ui.button("Restart").on_hover_text("Discards the frames measured so far and measures again").clicked() {
             *resets = resets.wrapping_add(1);
         }
         if ui
             .add_enabled(region.is_some(), egui::Button::new("Whole picture"))
-            .on_hover_text("Removes the rectangle, so that the whole picture is measured. To select a rectangle, hold Ctrl and drag in the picture.")
+            .on_hover_text("Removes the rectangle, so that the whole picture is measured")
+            .on_disabled_hover_text("The whole picture is measured. To measure a rectangle only, hold Ctrl and drag in the picture.")
             .clicked()
         {
             *region = None;
@@ -64,9 +69,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let label = ui.label("Window");
-        ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames")).labelled_by(label.id).on_hover_text(
-            "About how many past frames count; older frames count exponentially less. Once a point has been visible for that many frames, its newest frame has the weight 1 / window; before that, all its frames have the same weight.",
-        );
+        let hint = "Number of frames, 2 to 1024, over which the numbers are averaged, approximately: older frames count exponentially less. Until a \
+                    surface point has been visible for that many frames, all its frames have the same weight; from then on, the newest frame has \
+                    the weight 1 / this number.";
+        let slider = Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames");
+        ui.add(slider).labelled_by(label.id).on_hover_text(hint);
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
@@ -92,7 +99,7 @@ fn table(last: &Reading, ui: &mut Ui) {
             }
             ui.end_row();
         }
-        ui.label("Pixels").on_hover_text("Number of pixels that show terrain");
+        ui.label("Pixels").on_hover_text("Number of measured pixels that show terrain");
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| s.terrain.to_string()));
         }

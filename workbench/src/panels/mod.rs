@@ -109,10 +109,11 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     let button = ui.add_enabled(changed, Button::new("Reset").small());
     button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
     let why = match usual {
-        Some(_) => "The value is the original one",
-        None => "The scene file has no original value: it was added or renamed in the workbench",
+        Some(_) => "The value is the original one: that of the scene file or, for a setting outside the scene, the default",
+        None => "There is no original value, because the material was added or renamed in the workbench",
     };
-    if button.on_hover_text("Restores the original value").on_disabled_hover_text(why).clicked()
+    let hint = "Restores the original value: that of the scene file or, for a setting outside the scene, the default";
+    if button.on_hover_text(hint).on_disabled_hover_text(why).clicked()
         && let Some(usual) = usual
     {
         value.clone_from(usual);
@@ -122,7 +123,7 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
 /// A hint for a field in which a path is typed. It names the folder at which relative paths start.
 pub(crate) fn from_here() -> String {
     let here = std::env::current_dir().map_or_else(|_| "the working directory".to_owned(), |folder| folder.display().to_string());
-    format!("A relative path starts at {here}")
+    format!("A relative file path starts at {here}")
 }
 
 /// Shows the result or the error of an action on `what`. Scrolls to a new result.

@@ -37,7 +37,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Path file");
         let field = TextEdit::singleline(&mut model.places.file).desired_width(FIELD).hint_text("path.csv");
         ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a .csv file. {}", from_here()));
-        if ui.button("Read path").on_hover_text("Reads a table with one pose per frame, as written by `Write ... to a file`").clicked() {
+        let hint = "Reads the file named in `Path file`: a table with one camera pose per frame, as written by `Write ... to a file`";
+        if ui.button("Read path").on_hover_text(hint).clicked() {
             model.places.said = Some(model.places.read());
         }
     });
@@ -47,7 +48,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
 fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
     ui.horizontal_wrapped(|ui| {
         let [x, y, z] = place.pose.position.to_array();
-        let hint = format!("{x:.1} m east, {y:.1} m north, elevation {z:.1} m");
+        let hint = format!("{x:.1} m east and {y:.1} m north of the centre of the world, elevation {z:.1} m");
         if ui.button(format!("Go to {}", place.name)).on_hover_text(hint).clicked() {
             // Stop walking, because it would move the camera down to the ground.
             model.flight.walking = false;
@@ -63,7 +64,8 @@ fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
 fn record(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let Some(frames) = model.places.recording.as_ref().map(Recording::frames) else {
-            if ui.button("Record path").on_hover_text("Sets time to frame 0 and records the pose of each frame until you stop").clicked() {
+            let hint = "Sets time to frame 0 and records the camera pose of each frame until you stop";
+            if ui.button("Record path").on_hover_text(hint).clicked() {
                 model.places.recording = Some(Recording::default());
                 model.places.said = None;
                 // Begin at frame 0, because a replay begins there, too. Noise depends on the frame number, so the replay shows the recorded pictures.
@@ -74,7 +76,7 @@ fn record(model: &mut Model, ui: &mut Ui) {
         if ui.button("Stop recording").clicked() {
             model.places.stop();
         }
-        ui.label(format!("{frames} frames so far"));
+        ui.label(format!("Frames so far: {frames}"));
     });
 }
 
@@ -88,7 +90,8 @@ fn recorded(model: &mut Model, ui: &mut Ui, path: &Recorded) {
         if ui.button(format!("Forget path {}", path.name)).clicked() {
             model.places.all.forget_path(&path.name);
         }
-        if ui.button(format!("Write {} to a file", path.name)).on_hover_text("Writes the path to the file named in `Path file`").clicked() {
+        let hint = "Writes the path to a new file, named in `Path file`: a table with one camera pose per frame";
+        if ui.button(format!("Write {} to a file", path.name)).on_hover_text(hint).clicked() {
             model.places.said = Some(model.places.write(path));
         }
     });

@@ -30,7 +30,7 @@ const HEIGHT: Band = Band {
     whole: [-1000.0, 9000.0],
     most_fade: 1.0e7,
     speed: 5.0,
-    about: "elevation",
+    about: "elevation in metres",
 };
 const SLOPE: Band = Band {
     name: "slope",
@@ -39,7 +39,7 @@ const SLOPE: Band = Band {
     whole: [0.0, 90.0],
     most_fade: 90.0,
     speed: 0.2,
-    about: "slope, from level ground (0) to a vertical wall (90)",
+    about: "slope in degrees, from 0 (level ground) to 90 (a vertical wall)",
 };
 const CURVATURE: Band = Band {
     name: "curvature",
@@ -48,7 +48,7 @@ const CURVATURE: Band = Band {
     whole: [-10.0, 10.0],
     most_fade: 1.0e3,
     speed: 1e-3,
-    about: "mean curvature, which is below 0 in gullies and above 0 on ridges",
+    about: "mean curvature in 1/m, below 0 in gullies and above 0 on ridges",
 };
 
 /// A change of the list of rules. It is made after the controls of all rules have been drawn.
@@ -98,7 +98,9 @@ fn buttons(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let rules = &mut model.settings.scene.rules;
         let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
-        if add.on_hover_text("Adds a copy of the last rule. The copy has no effect until you edit it.").clicked() {
+        let hint =
+            "Adds a copy of the last rule. It has no effect until you edit it, unless the rule has noise: the noise of the copy differs.";
+        if add.on_hover_text(hint).clicked() {
             let last = rules.last().cloned();
             rules.extend(last);
         }
@@ -123,7 +125,8 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     let all = names.iter().map(|name| (name.clone(), name.clone(), "")).collect();
     choose(ui, &format!("Rule {number} material"), &mut rule.material, &shown, all).on_hover_text("The material of this rule");
     ui.end_row();
-    let hint = "Factor on the weight that the bands and the noise below give, 0.000001 to 1000000. The default in a scene file is 1.";
+    let hint =
+        "Factor on the weight that follows from the bands and the noise below, 0.000001 to 1000000. The default in a scene file is 1.";
     let label = ui.label(format!("Rule {number} weight"));
     value(ui, &mut rule.weight, [1.0e-6, 1.0e6], 0.01, "").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
@@ -189,7 +192,7 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
     ui.label("");
     ui.horizontal(|ui| {
         let hint = format!(
-            "Width of the interval beyond each end of the range in which the weight falls to 0, from 0 (abrupt) to {most_fade}{unit}."
+            "Beyond each end of the range, the weight falls to 0 over an interval of this width, from 0 (abrupt) to {most_fade}{unit}."
         );
         let label = ui.label(format!("Rule {number} {name} fade"));
         value(ui, fade, [0.0, most_fade], speed, unit).labelled_by(label.id).on_hover_text(hint);

@@ -108,14 +108,18 @@ pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
         let text = format!("`{}` has materials, rules or strokes that are not saved in a file: {then}.", model.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
-            if ui.button(yes).on_hover_text("Continues, and discards the edits").clicked() {
+            if ui.button(yes).on_hover_text("Continues without saving, and discards the edits").clicked() {
                 match &waiting {
                     // An error is shown as a note.
                     Waiting::Open(name) => drop(model.open_anyway(name)),
                     Waiting::Close => model.close_anyway(ui.ctx()),
                 }
             }
-            if ui.button("Keep this scene").on_hover_text("Cancels. Use `Save scene as...` in the panel Materials to save it.").clicked() {
+            if ui
+                .button("Keep this scene")
+                .on_hover_text("Cancels. You can then save the scene with `Save scene as...` in the panel Materials.")
+                .clicked()
+            {
                 model.scenes.waits = None;
             }
         });

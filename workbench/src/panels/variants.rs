@@ -72,7 +72,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             let on = model.settings.frame.variant.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
             let hint = format!(
-                "{}. Current estimator: {} fetches per pixel (key {key}).",
+                "{} (key {key}). Expected fetches per pixel with the current estimator, without those for colour modulation and a second tiling: {}.",
                 about(flavour),
                 model.settings.frame.estimator.promised_fetches(flavour)
             );
@@ -128,14 +128,15 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
     let settings = &shown.wish.settings;
     egui::Grid::new("times of variants").num_columns(6).striped(true).show(ui, |ui| {
         for (name, about) in [
-            ("Variant", "Kernels that ran on at least one tile, the longest time first"),
+            ("Variant", "Shader variants that ran on at least one tile, the slowest first; `generic`: the generic kernel, on all tiles"),
             ("Tiles", "Number of tiles of 8 x 8 pixels"),
-            ("Share", "Share of the tiles with terrain"),
+            ("Share", "Number of tiles as a share of all tiles that show terrain"),
             (
                 "Fetches",
-                "Fetches per pixel that the kernel should take, without those for colour modulation and for the second tiling of splat",
+                "Expected fetches of a pixel that needs all flavours of the variant, without those for colour modulation and a second tiling. \
+                 `-`: the number differs from tile to tile.",
             ),
-            ("ms", "Device time of the pass of this kernel, milliseconds"),
+            ("ms", "Time of the pass that shades these tiles, as measured by the device, milliseconds"),
             ("ns a tile", "Time of the pass divided by the number of tiles, nanoseconds"),
         ] {
             ui.label(name).on_hover_text(about);
@@ -163,7 +164,7 @@ fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2]
     let [r, g, b] = variant.colour();
     let share = if tiles > 0 { format!("{:.0} %", 100.0 * f64::from(tiles) / f64::from(all)) } else { String::new() };
     let fetches = promised(&model.settings, variant);
-    let took = timed.map_or_else(String::new, |timed| format!(", {:.3} ms, {:.0} ns a tile", timed.ms, timed.ns_a_tile()));
+    let took = timed.map_or_else(String::new, |timed| format!(" Time: {:.3} ms, {:.0} ns a tile.", timed.ms, timed.ns_a_tile()));
     let dark = u32::from(r) * 3 + u32::from(g) * 6 + u32::from(b) < 1100;
     let running = tiles > 0;
     let text = RichText::new(format!("{} {share}", variant.mask())).color(match (running, dark) {
@@ -181,15 +182,19 @@ fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2]
     let response = ui.add(button);
     let name = variant.to_string();
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, forced, format!("Variant {name}")));
-    if response.on_hover_text(format!("{name}: {fetches} fetches per pixel, {tiles} of {all} tiles{took}")).clicked() {
+    let hint = format!(
+        "{name}. Expected fetches of a pixel that needs all these flavours, without those for colour modulation and a second tiling: {fetches}. \
+         Tiles: {tiles}.{took}"
+    );
+    if response.on_hover_text(hint).clicked() {
         model.settings.frame.variant = if forced { None } else { Some(variant) };
     }
 }
 
 const fn about(flavour: Flavour) -> &'static str {
     match flavour {
-        Flavour::VirtualTexture => "Blended once as seen from above, and cached in pages",
-        Flavour::FarAtlas => "Albedo and normal baked into the quadtree",
+        Flavour::VirtualTexture => "Virtual texture: materials blended as seen from above, and cached in pages",
+        Flavour::FarAtlas => "Albedo and normal baked into the data of the terrain quadtree",
         Flavour::NearCliff => "Three projections; with the estimator fc5, one random material each",
         Flavour::FarCliff => "Two tilings; with the estimator fc5, one random projection and material each",
         Flavour::Splat => "Three projections of four materials; with the estimator fc5, all blended",
@@ -202,11 +207,13 @@ fn of_estimators(name: &str) -> &'static str {
         Ok(Estimator::Fc5) => "As in Far Cry 5: cliffs choose one material at random per projection or tiling, splat blends all",
         Ok(Estimator::Exact) => "The exact blend: the mean of fc5 over all its random choices",
         Ok(Estimator::Biplanar) => "fc5 with the two projections that the surface faces most, instead of three",
-        Ok(Estimator::Hex) => "fc5 with textures tiled by hexagons, which hides repetition, instead of the second tiling",
+        Ok(Estimator::Hex) => "fc5 with textures tiled by hexagons in place of the second tiling; this hides repetition",
         Ok(Estimator::Stf) => "One texel of each texture: projection, material, tiling, mip level and texel are chosen at random",
-        Ok(Estimator::Laplacian) => "Coarse band blended smoothly, fine band blended by height, so that details stay sharp",
-        Ok(Estimator::Luna8) => "Eight layers seen from above, each blended over the layers before it",
-        Ok(Estimator::Snapped) => "Four materials in one projection: from above or, on steep ground, onto one of eight vertical planes",
+        Ok(Estimator::Laplacian) => {
+            "Two frequency bands of the textures: the coarse one blended smoothly, the fine one by height, so that details stay sharp"
+        }
+        Ok(Estimator::Luna8) => "Eight materials seen from above, each blended over those before it",
+        Ok(Estimator::Snapped) => "Four materials in one projection: from above or, on steep ground, onto one of four vertical planes",
         Ok(Estimator::Variance | Estimator::BiplanarMean | Estimator::HexMean) | Err(_) => "",
     }
 }
@@ -214,13 +221,19 @@ fn of_estimators(name: &str) -> &'static str {
 /// The tooltip of a kind of noise.
 fn of_noises(name: &str) -> &'static str {
     match name.parse() {
-        Ok(NoiseKind::HashedIsotropic) => "Fixed to the ground, in cells of about one pixel (hashed alpha); equal cells along all axes",
-        Ok(NoiseKind::HashedAnisotropic) => "Fixed to the ground, in cells of about one pixel along each axis (anisotropic hashed alpha)",
+        Ok(NoiseKind::HashedIsotropic) => {
+            "Fixed to the ground, in cells about as wide on the screen as `Noise cell` in Parameters says, equal along all axes (hashed alpha)"
+        }
+        Ok(NoiseKind::HashedAnisotropic) => {
+            "Like `hashed`, but the cells have a size of their own along each axis (anisotropic hashed alpha)"
+        }
         Ok(NoiseKind::WhiteScreen) => "White noise on the screen, new in every frame",
-        Ok(NoiseKind::WhiteWorld) => "Fixed to the ground, in cells of one size everywhere in the world",
+        Ok(NoiseKind::WhiteWorld) => "Fixed to the ground, in cells of 6.25 cm everywhere in the world",
         Ok(NoiseKind::InterleavedGradient) => "Regular pattern on the screen (interleaved gradient noise), new in every frame",
-        Ok(NoiseKind::Blue) => "Blue noise on the screen, the same in every frame: fine grain without blotches",
-        Ok(NoiseKind::SpatioTemporalBlue) => "Blue noise on the screen and over time: fine grain that a temporal resolve averages best",
+        Ok(NoiseKind::Blue) => "Blue noise on the screen, the same in every frame unless the seed changes: fine grain without blotches",
+        Ok(NoiseKind::SpatioTemporalBlue) => {
+            "Blue noise on the screen and over time, new in every frame: fine grain that averages out quickly over frames"
+        }
         Err(_) => "",
     }
 }

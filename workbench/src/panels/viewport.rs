@@ -186,12 +186,15 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
             ui.label(text);
             if shown.draft {
-                ui.label("first look")
-                    .on_hover_text("Drawn with small textures and the cheapest shader until the textures of the scene are ready");
+                ui.label("first look").on_hover_text(
+                    "A preview with coarse terrain, small textures and the cheapest shader, until the textures of the scene are ready",
+                );
             }
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
-                frozen.on_hover_text("The nodes and patches drawn are those of the view in which culling was frozen. Key C ends this.");
+                frozen.on_hover_text(
+                    "The terrain nodes and patches drawn are those of the view in which culling was frozen. Key C ends this.",
+                );
             }
             if let Some(legend) = legend {
                 legend::show(ui, &name, words, legend);
@@ -332,14 +335,15 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
     choose(ui, "View", &mut model.viewpoint, &name, all)
-        .on_hover_text("Cameras and paths of the scene. A drag or W A S D switches to a free camera.");
+        .on_hover_text("Cameras and paths of the scene. If you move or turn the camera, it becomes a free camera.");
     let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
     let shown = model.settings.layer.name();
     choose(ui, "Layer", &mut model.settings.layer, shown, all);
-    ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keeps the camera 1.7 m above the ground (key F)");
+    ui.checkbox(&mut model.flight.walking, "Walk")
+        .on_hover_text("Keeps a free camera 1.7 m above the ground; cameras and paths of the scene keep their height (key F)");
     let mut orbits = model.flight.orbit != Orbit::Off;
-    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns the camera about this place, the wheel moves \
-                closer or away, and W A S D move the camera and the orbited place.";
+    let hint = "Orbits the place under the inspected pixel, or else in the middle of the picture (key O). A drag turns the camera about this \
+                place, the wheel moves it closer or farther away, and W A S D Q E move the camera together with the orbited place.";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
         model.orbit(orbits);
     }
@@ -347,19 +351,19 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
         Some((target, pose)) => {
             let distance_m = pose.position.distance(target);
             ui.label(format!("{distance_m:.2} m away"))
-                .on_hover_text("Distance to the orbited place. The wheel over the picture changes it.");
+                .on_hover_text("Distance from the camera to the orbited place. The wheel over the picture changes it.");
         }
         None => {
             ui.label(format!("{:.3} m/s", model.flight.speed_m_s))
-                .on_hover_text("Speed of the camera. The wheel over the picture changes it.");
+                .on_hover_text("Speed at which the keys W A S D Q E move the camera. The wheel over the picture changes it.");
         }
     }
     let frozen = model.culled_from.is_some();
     let able = frozen || model.pose().is_some();
     let button = ui.add_enabled(able, egui::Button::new("Freeze culling").selected(frozen));
     button.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, able, frozen, "Freeze culling"));
-    let hint =
-        "Keeps drawing the nodes and patches of the current view, so that you can see from elsewhere what culling leaves out (key C)";
+    let hint = "Freezes or unfreezes culling (key C). While it is frozen, the terrain nodes and patches of the view at that moment are drawn, so \
+                that you can see from elsewhere what culling removes.";
     if button.on_hover_text(hint).clicked() {
         model.freeze_culling();
     }

@@ -47,8 +47,8 @@ pub enum NoData {
     Stated,
     /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
     Named(Vec<f64>),
-    /// No value besides those that always mark missing data, see [`NoData`]. All other samples are ground, even if they are transparent or have
-    /// the value that the file names.
+    /// Ignores the value that the file names, and transparency. Samples without data are then only those that never have data, see [`NoData`]: NaN,
+    /// infinity, huge values, masked samples, and samples of strips or tiles that are not in the file, if the file names a no-data value.
     Nothing,
 }
 
