@@ -39,14 +39,14 @@ fn links_equal_their_reference() {
     // in neighbouring rows of pixels. There, a wrong link to another row or to the opposite edge of the picture is not rejected by its depth.
     let mut renderer = second_renderer();
     let [cliff, ground] = ["cliff", "ground"].map(|camera| request(&renderer, camera));
-    compare(&mut renderer, "cliff", cliff, 1.0, false);
-    compare(&mut renderer, "ground", ground, 0.1, false);
+    compare(&mut renderer, "cliff", cliff, [1.5, 0.4, 2.0], false);
+    compare(&mut renderer, "ground", ground, [0.15, 0.04, 0.2], false);
     // A camera 20 cm above the ground.
     let low = ground.with(|r| {
         r.view.pose.position.z = renderer.ground_m(r.view.pose.position.x, r.view.pose.position.y) + 0.2;
         r.view.pose.pitch = -1.1;
     });
-    compare(&mut renderer, "low", low, 0.01, true);
+    compare(&mut renderer, "low", low, [0.015, 0.004, 0.02], true);
 }
 
 #[test]
@@ -55,17 +55,17 @@ fn points_that_leave_a_picture_of_level_ground_have_no_link() {
     let scene = Scene { detail_size: 64, ..level_ground(&temp) };
     let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
     // The camera looks straight down, so all pixels have nearly the same depth. A wrong link to a pixel at the opposite edge is not rejected by its
-    // depth. The camera moves by about one pixel per frame, in each of four directions.
-    for (name, yaw) in [("east", 0.0), ("north", 1.5), ("west", 3.0), ("south", 4.5)] {
-        let position = DVec3::new(3.0, 2.0, renderer.ground_m(3.0, 2.0) + 10.0);
-        let base = RenderRequest::new(Pose { position, yaw, pitch: -1.55, fov: 1.0 }, SIZE);
-        compare(&mut renderer, name, base, 0.12, true);
+    // depth. The camera moves by about one pixel per frame to each side of the picture, so that points come in at this side.
+    let position = DVec3::new(3.0, 2.0, renderer.ground_m(3.0, 2.0) + 10.0);
+    let base = RenderRequest::new(Pose { position, yaw: 0.3, pitch: -1.55, fov: 1.0 }, SIZE);
+    for (side, step_m) in [("right", [0.2, 0.0, 0.0]), ("left", [-0.2, 0.0, 0.0]), ("up", [0.0, 0.2, 0.0]), ("down", [0.0, -0.2, 0.0])] {
+        compare(&mut renderer, side, base, step_m, true);
     }
 }
 
-/// Compares the links of a sequence. From frame to frame, the camera moves by about `scale` times 2.5 m. `all_ground`: whether the pictures show no
-/// sky and hide no ground.
-fn compare(renderer: &mut Renderer<'_>, camera: &str, base: RenderRequest, scale: f64, all_ground: bool) {
+/// Compares the links of a sequence. `step_m`: how far the camera moves per frame to the right, up and forwards, metres. `all_ground`: whether the
+/// pictures show no sky and hide no ground.
+fn compare(renderer: &mut Renderer<'_>, camera: &str, base: RenderRequest, step_m: [f64; 3], all_ground: bool) {
     let flavour = Variant::only(Flavour::FarAtlas);
     let base = base.with(|r| {
         r.view.size = SIZE;
@@ -83,7 +83,7 @@ fn compare(renderer: &mut Renderer<'_>, camera: &str, base: RenderRequest, scale
     for index in 0..6u32 {
         let step = f64::from(index);
         let request = base.with(|r| {
-            r.view.pose.position += right * (scale * 1.5 * step) + up * (scale * 0.4 * step) + forward * (scale * 2.0 * step);
+            r.view.pose.position += (right * step_m[0] + up * step_m[1] + forward * step_m[2]) * step;
             r.view.pose.yaw += 0.004 * step;
             r.view.pose.pitch += 0.002 * step;
         });

@@ -81,7 +81,8 @@ pub struct Selection {
     /// The nodes to draw. They cover the whole ground and do not overlap.
     pub drawn: Vec<NodeId>,
     /// The nodes that are not visited, but would be if all nodes were available. Their elevations may be unknown, so the range of elevations of the
-    /// nearest visited ancestor is used. It contains their own range, so a few nodes too many may be wanted, but none is left out.
+    /// nearest visited ancestor is used instead. It may differ from their own range, so some nodes too many or too few may be wanted until the
+    /// ancestors have arrived. Empty if and only if the drawn nodes are those that would be drawn if all nodes were available.
     pub wanted: Vec<Wanted>,
 }
 
