@@ -26,7 +26,7 @@ pub struct Sample {
 /// Running moments of a pixel's surface point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
-    /// Number of frames included, at most the length of the window; 0 = no terrain.
+    /// Number of frames included, at most the length of the window; 0 = no terrain, or a luminance that is not finite.
     pub frames: f32,
     /// Mean luminance.
     pub mean: f32,
@@ -48,10 +48,10 @@ pub struct Point {
 }
 
 impl Point {
-    /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame earlier; `None` = the point was not visible.
+    /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame earlier; `None` = there is no such pixel.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
-        // Sky has a negative luminance. A luminance that is not finite would spoil the moments of all later frames.
-        if now.luminance < 0.0 || !now.luminance.is_finite() {
+        // Sky has a negative luminance. A number that is not finite would spoil the moments of all later frames.
+        if now.luminance < 0.0 || !now.luminance.is_finite() || !now.error.is_finite() {
             return Point::default();
         }
         let Some(p) = before.filter(|p| p.frames > 0.0) else {
@@ -92,7 +92,7 @@ impl Point {
 /// Statistics of the surface points in a region of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Number of pixels with terrain.
+    /// Number of pixels with terrain and a finite luminance.
     pub terrain: usize,
     /// Median over pixels of [`Point::frames`].
     pub frames: f32,
@@ -106,8 +106,8 @@ pub struct Summary {
     pub bias: Option<f64>,
     /// Mean absolute change, from frame to frame, of the difference in luminance from the comparison picture; `None` without a comparison.
     pub residual: Option<f64>,
-    /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance;
-    /// 1 for white noise. `None` if there is no noise, or no block whose pixels are all terrain.
+    /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance; about 1 for
+    /// white noise. `None` if there is no noise, or no block whose pixels are all terrain.
     pub clumping: Option<f64>,
 }
 
@@ -123,8 +123,9 @@ pub struct Followed {
 }
 
 impl Followed {
-    /// Adds a picture. `links` lead to the picture that was added by the previous call. `window`: the length of the window in frames; values below 2
-    /// count as 2. `compared`: whether the errors of the samples are differences from a comparison picture. If so, they are used as the noise.
+    /// Adds a picture. `links` lead to the picture that was added by the previous call. A picture of a different size starts all statistics again.
+    /// `window`: the length of the window in frames; values below 2 count as 2. `compared`: whether the errors of the samples are differences from a
+    /// comparison picture. If so, they are used as the noise.
     ///
     /// # Panics
     /// When the number of samples or links is not the number of pixels.
@@ -182,7 +183,7 @@ impl Followed {
         })
     }
 
-    /// Computes clumping as METHODOLOGY.md defines it, over the blocks whose pixels are all terrain.
+    /// Computes clumping by the formula of METHODOLOGY.md, from the noise of the last picture, over the blocks whose pixels are all terrain.
     fn clumping(&self, low: [usize; 2], high: [usize; 2]) -> Option<f64> {
         let (mut blocks, mut pixels) = (0.0, 0.0);
         for y in (low[1]..high[1].saturating_sub(BLOCK - 1)).step_by(BLOCK) {
@@ -262,6 +263,25 @@ mod tests {
         // A picture of a different size also starts the statistics again.
         followed.take([10, 30], &samples, &links, 8, false);
         assert!(followed.points().iter().all(|p| p.frames <= 1.0));
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_starts_the_statistics_again() {
+        for spoilt in [
+            Sample { luminance: f32::NAN, ..grey(0.5) },
+            Sample { error: f32::NAN, ..grey(0.5) },
+            Sample { error: f32::INFINITY, ..grey(0.5) },
+        ] {
+            let mut followed = Followed::default();
+            for frame in 0..5 {
+                let samples = picture(|i| if frame == 2 && i < 100 { spoilt } else { grey(0.5) });
+                followed.take(SIZE, &samples, &still(), 64, true);
+            }
+            for (i, point) in followed.points().iter().enumerate() {
+                let frames = if i < 100 { 2.0 } else { 5.0 };
+                assert_eq!((point.frames, point.bias, point.residual), (frames, 0.0, 0.0), "{spoilt:?}, pixel {i}");
+            }
+        }
     }
 
     #[test]

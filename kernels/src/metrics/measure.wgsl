@@ -1,6 +1,6 @@
 // A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames.
 // It writes sums and histograms, which the host reads back in each frame, and remembered errors (`measure_remember`), which the host reads back only
-// where it needs them. The picture is divided into blocks of 64 x 8 pixels, and each block into 8 parts: part i has the columns i, i + 8, ... of its
+// when it needs them. The picture is divided into blocks of 64 x 8 pixels, and each block into 8 parts: part i has the columns i, i + 8, ... of its
 // block. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read neighbouring
 // pixels at the same time, so they share cache lines.
 
@@ -48,14 +48,14 @@ struct MeasurePart {
 }
 
 // `measure` is a storage buffer and not a uniform buffer, because lavapipe (Mesa's software driver for Vulkan) recompiles a shader for each
-// new value of a uniform on which its branches depend. In Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per
+// new value of a uniform on which its branches depend. With a uniform buffer, lavapipe of Mesa 22.3 also leaked memory (measured: 170 kB per
 // stream and frame).
 @group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> parts: array<MeasurePart>;
 // Two histograms at lag 1, over the rows of the quarter: of |dY| in the first MEASURE_BINS bins, of |dY - dR| in the other bins. 16 bins per octave;
-// the first bin of each histogram also counts all values below 2^-14.
+// the first bin of each histogram also counts all values below 2^-14, and the last bin all larger values.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 512>;
 // The pictures of the reference sequence, in the same slots as those of the stream.
 @group(1) @binding(3) var<storage, read> reference: array<vec2<u32>>;

@@ -1,16 +1,16 @@
 //! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
 //! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
-//! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed
-//! the same surface point one frame earlier. It also links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then
-//! the current picture of each stream is compared with the earlier pictures of the stream. Sums and histograms are read back in each frame, pictures
-//! and remembered errors only on request. Memory does not grow with the number of frames.
+//! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links each pixel to the pixel that showed
+//! the same surface point one frame earlier, if there is one. For a quarter of the pixels, it also finds the pixels that showed their points 2 to 4
+//! frames earlier. Then the current picture of each stream is compared with the earlier pictures of the stream. Sums and histograms are read back in
+//! each frame, pictures and remembered errors only on request. Memory does not grow with the number of frames.
 //!
 //! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
 //! It then also keeps the remembered error of each surface point: the exponential mean of its error over time, which models the eye
 //! ([`Meter::memory`], [`perceived`]).
 //!
-//! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
+//! The formulas are in METHODOLOGY.md; `reference` computes the sums in f64.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
@@ -93,7 +93,7 @@ pub struct MeasurePart {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
     /// Number of terrain pixels that are followed at this lag. At lag 1, these are all terrain pixels; at lags 2 to 4, they are the terrain pixels of
-    /// a quarter, which is a different quarter in each frame. They are counted even in the first frames, which have no earlier frame at this lag.
+    /// a quarter. The quarter changes from frame to frame. The pixels are counted even in the first frames, which have no earlier frame at this lag.
     pub terrain: u64,
     /// Number of these pixels whose point was visible in the earlier frame, with a finite colour.
     pub linked: u64,
@@ -150,7 +150,7 @@ impl Residual {
         }
     }
 
-    /// Mean of |dY - dR|; `None` without compared pixels. It is 0 if and only if the error moves with the surface.
+    /// Mean of |dY - dR|; `None` without compared pixels. It is 0 if the error moves with the surface.
     pub fn mean(&self) -> Option<f64> {
         self.per_pixel(self.sum)
     }
@@ -191,13 +191,13 @@ pub struct FrameSums {
     pub terrain: u64,
     /// Number of terrain pixels whose colour is not finite.
     pub invalid: u64,
-    /// Number of fetches of these pixels.
+    /// Number of fetches of the pixels that `terrain` counts.
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
     /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier. The test rejects a
-    /// history outside the box of the current colours of the 3 x 3 pixels around the pixel. It covers the pixels of one quarter that are linked at
-    /// lag 1. Each frame uses a different quarter.
+    /// history outside the box of the current colours of the 3 x 3 pixels around the pixel. Only pixels of one quarter that are linked at lag 1 are
+    /// tested. The quarter changes from frame to frame.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
@@ -254,8 +254,8 @@ impl FrameSums {
 }
 
 /// Returns the value below which the given share of a histogram's counts lies; `None` if the histogram is empty. The value is interpolated within its
-/// bin on a logarithmic scale and is accurate to 1/16 of an octave (4.4 %). If it lies in the lowest bin, which also holds all values below 2^-14,
-/// the result is 0.
+/// bin on a logarithmic scale. Below 4, where the bins end, it is accurate to 1/16 of an octave (4.4 %). If it lies in the lowest bin, which also
+/// holds all values below 2^-14, the result is 0.
 pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     let total: u64 = histogram.iter().sum();
     if total == 0 {
@@ -338,7 +338,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
     /// Compiles the passes and allocates one stream for each entry of `tracks`. `viewing`: the viewing conditions, if errors are to be measured
-    /// against a reference sequence. The pictures of that sequence must then be written in each frame ([`Meter::write_reference`]).
+    /// against a reference sequence. The caller then writes the pictures of that sequence in each frame ([`Meter::write_reference`]).
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
@@ -416,7 +416,7 @@ impl Meter {
         self.index
     }
 
-    /// Records the resolves and the measurement of this frame. Before this call, the signals and links of the frame must be recorded or written.
+    /// Records the resolves and the measurement of this frame. Before this call, the caller records or writes the signals and links of the frame.
     pub fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
         let slots = self.slots();
         let lags = self.index.min(LAGS as u32);

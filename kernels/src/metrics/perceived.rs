@@ -1,4 +1,4 @@
-//! Perceived noise: the part of an error that is visible to an eye that follows the surface.
+//! Perceived noise: a model of how visible an error is to an eye that follows the surface.
 //!
 //! In time, the eye is modelled by an exponential mean of the error along the motion of the surface (smooth pursuit), with a time constant of
 //! [`TIME_CONSTANT_S`]. `measure.wgsl` computes this mean m in each frame: `m = (1 - a) m_before + a e`, where e is the error in the frame and a is
@@ -49,8 +49,8 @@ impl Viewing {
 
 /// The weights of a one-dimensional Gaussian filter, from the middle outwards. The middle weight, plus twice the other weights, is 1.
 fn gaussian(deviation_px: f64) -> Vec<f64> {
-    // The deviation is raised to at least 0.1 pixels, which avoids a division by 0. This does not change results: at 0.1 pixels, the weight of a
-    // neighbouring pixel is exp(-50), which is lost when it is added to the middle weight in f64.
+    // The deviation is raised to at least 0.1 pixels, which avoids a division by 0. This hardly changes results: at 0.1 pixels, the weight of a
+    // neighbouring pixel is only exp(-50).
     let deviation = deviation_px.max(0.1);
     let reach = (REACH * deviation).ceil() as usize;
     let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp()).collect();
@@ -59,7 +59,7 @@ fn gaussian(deviation_px: f64) -> Vec<f64> {
     weights
 }
 
-/// Number of neighbouring pixels whose sums are kept in registers.
+/// Number of neighbouring pixels that are computed together, so that their sums can stay in registers.
 const BLOCK: usize = 16;
 
 /// Computes one row of a filtered picture. The result for a pixel is `weights[0]` times the pixel in `row(0)`, plus, for each k above 0, `weights[k]`
@@ -98,8 +98,7 @@ fn blurred([width, height]: [usize; 2], picture: &[f32], weights: &[f32]) -> Vec
 }
 
 /// The spatial filter for pictures of one size: the difference of two Gaussians, each normalised over the terrain that it covers. It computes in f32.
-/// At 67 pixels per degree, the rounding error of a pixel is below 6e-6 times the largest input within reach of the filter; with more pixels per
-/// degree, it may be larger.
+/// In a test with 67 pixels per degree, the rounding error of a pixel is below 6e-6 times the largest possible input.
 pub struct Filter {
     size: [usize; 2],
     gaussians: [Vec<f32>; 2],
@@ -143,7 +142,8 @@ impl Filter {
         centre
     }
 
-    /// Perceived noise: the root mean square of the filtered error. `remembered`: as in [`Filter::apply`]. `None` if no pixel has an error.
+    /// Perceived noise: the root mean square of the filtered error over the pixels with terrain. `remembered`: as in [`Filter::apply`]. `None` if no
+    /// pixel has terrain.
     ///
     /// # Panics
     /// When the number of errors is not the number of pixels.
@@ -210,7 +210,7 @@ mod tests {
             };
             for (at, found) in filter.apply(&error).into_iter().enumerate() {
                 let expected = if error[at][1] > 0.0 { mean(at, CENTRE_DEG) - mean(at, SURROUND_DEG) } else { 0.0 };
-                // Each of the 2 x 47 terms of a Gaussian rounds a number of at most 3.5, the largest possible error, times its weight.
+                // A Gaussian has up to 2 x 47 terms. Each term rounds a number of at most 3.5, the largest possible error, times its weight.
                 let off = (f64::from(found) - expected).abs();
                 assert!(off < 94.0 * 3.5 * 2f64.powi(-24), "field {field}, pixel {at}: {found} and not {expected}");
             }

@@ -95,8 +95,8 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], reference: Option<&[[u32; 2]]>,
 }
 
 /// Returns, for each pixel, the remembered error (an exponential mean over time, see `measure_remember` in `measure.wgsl`) and the number of frames
-/// in this mean. `before`: the result for the previous frame; `None` = there is no previous frame. `links` lead to the previous frame. `adaptation`:
-/// see `Viewing::adaptation`.
+/// in this mean. `before`: the result for the previous frame; `None` = it is not known. `links` lead to the previous frame. `adaptation`: see
+/// `Viewing::adaptation`.
 pub fn remember(now: &[[u32; 2]], reference: &[[u32; 2]], before: Option<&[[f64; 2]]>, links: &[u32], adaptation: f64) -> Vec<[f64; 2]> {
     let pixel = |at: usize| {
         if !signal::is_terrain(now[at]) || !signal::is_terrain(reference[at]) {
@@ -149,11 +149,13 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
     sums
 }
 
-/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: the bias of their mean, and their variance over the seeds.
+/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: the bias of their mean, and their variance over the seeds. Pixels
+/// that are not terrain, or invalid, in one of the pictures or in `exact` are left out.
 pub fn finish(pictures: &[Vec<[u32; 2]>], exact: &[[u32; 2]]) -> VarianceSums {
     let mut sums = VarianceSums::default();
     let n = pictures.len() as f64;
-    for (at, &exact) in exact.iter().enumerate().filter(|(_, exact)| signal::is_terrain(**exact)) {
+    let everywhere = |at: usize| pictures.iter().map(Vec::as_slice).chain([exact]).all(|picture| signal::is_terrain(picture[at]));
+    for (at, &exact) in exact.iter().enumerate().filter(|(at, _)| everywhere(*at)) {
         sums.terrain += 1.0;
         for k in 0..3 {
             let values = || pictures.iter().map(|picture| f64::from(signal::colour(picture[at])[k]));

@@ -58,17 +58,17 @@ pub struct SeedSums {
     pub squared_error: f64,
     /// Number of blocks in which every pixel is terrain.
     pub blocks: f64,
-    /// Sum over blocks of the square of the mean error in luminance.
+    /// Sum over these blocks of the square of the mean error in luminance.
     pub block_squares: f64,
-    /// Sum over blocks of the mean square of the error in luminance.
+    /// Sum over these blocks of the mean square of the error in luminance.
     pub pixel_squares: f64,
     /// Sums over the areas of the picture, row by row; see [`areas`].
     pub areas: Vec<AreaSums>,
 }
 
 impl SeedSums {
-    /// Returns the clumping of the errors: the variance of their means over blocks, relative to white noise of the same variance. White
-    /// noise has 1. `None` if all errors are 0, or no block is all terrain.
+    /// Returns the clumping of the errors: the variance of their means over blocks, relative to white noise of the same variance. White noise has
+    /// about 1. `None` if no block is all terrain, or all errors in such blocks are 0.
     pub fn clumping(&self) -> Option<f64> {
         (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
     }

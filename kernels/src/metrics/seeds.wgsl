@@ -15,15 +15,19 @@ struct SeedFrame {
 
 @group(0) @binding(0) var<uniform> seeds: SeedFrame;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
-// The exact blend. It has terrain at the same pixels as `signal`.
+// The exact blend. Apart from invalid pixels, it has terrain at the same pixels as `signal`.
 @group(1) @binding(1) var<storage, read> exact: array<vec2<u32>>;
 // Running moments: three states per pixel, one for each channel, see moments.wgsl.
 @group(1) @binding(2) var<storage, read_write> moments: array<vec4<f32>>;
 // Per tile, from `seeds_add`: sum over pixels and channels of the difference from the exact blend, sum of its square, number of pixels.
 // From `seeds_finish`: sum over pixels and channels of (mean - exact), sum of the variance, number of pixels.
 @group(1) @binding(3) var<storage, read_write> tiles: array<vec4<f32>>;
-// Per block: square of the mean error in luminance, mean square of the error, 1 if the block is all terrain.
+// Per block: square of the mean error in luminance, mean square of the error, 1. All three are 0 if the block is not all terrain.
 @group(1) @binding(4) var<storage, read_write> blocks: array<vec4<f32>>;
+
+// In the first state of a pixel, a sum of squares below this number means: the pixel was not terrain, or its colour was invalid, with at least one seed.
+// Its moments lack this seed, so they are not used.
+const SEEDS_LEFT_OUT: f32 = -1.0;
 
 @compute @workgroup_size(64)
 fn seeds_add(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -39,10 +43,12 @@ fn seeds_add(@builtin(global_invocation_id) id: vec3<u32>) {
             let at = y * seeds.size.x + x;
             let now = signal[seeds.offset + at];
             if !signal_is_terrain(now) {
+                moments[at * 3u] = vec4<f32>(0.0, 0.0, 2.0 * SEEDS_LEFT_OUT, 0.0);
                 continue;
             }
             let colour = signal_colour(now);
-            for (var channel = 0u; channel < 3u; channel++) {
+            let left_out = seeds.count > 1u && moments[at * 3u].z < SEEDS_LEFT_OUT;
+            for (var channel = 0u; channel < 3u && !left_out; channel++) {
                 var state = vec4<f32>(0.0);
                 if seeds.count > 1u {
                     state = moments[at * 3u + channel];
@@ -68,7 +74,7 @@ fn seeds_finish(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var y = origin.y; y < end.y; y++) {
         for (var x = origin.x; x < end.x; x++) {
             let at = y * seeds.size.x + x;
-            if !signal_is_terrain(exact[at]) {
+            if !signal_is_terrain(exact[at]) || moments[at * 3u].z < SEEDS_LEFT_OUT {
                 continue;
             }
             let mean_exact = signal_colour(exact[at]);
