@@ -101,7 +101,7 @@ fn the_trial_definition_says_what_it_says() {
     let ratio =
         parse(&edited("metric = \"gpu_ms:shading\"", "metric = \"gpu_ratio:shading\"").replace("over = { variant = \"auto\" }\n", ""));
     assert_eq!(ratio.map(|ratio| ratio.expectations[1].over.clone()), Ok(None));
-    // The number of invalid pixels is always measured, because all other metrics leave these pixels out.
+    // The number of invalid pixels is measured even if the definition does not name it, because metrics of colours leave these pixels out.
     assert!(trial.measures("invalid_px"));
     let setting = Some(toml::Value::Float(0.05));
     let scene = trial.scene(&setting, None).expect("the built-in scene");
@@ -643,6 +643,33 @@ fn another_run_is_not_resumed_and_what_differs_is_named() {
     drop(Run::open(&of_file, &again, &Provenance { command: "experiments run --resume".to_owned(), ..machine() }).unwrap());
     folder.write("scene.toml", &kernels::scene::DEFAULT_TEXT.replace("seed = 7", "seed = 8"));
     unlike(&of_file, &again, &machine(), &["the scene's content"]);
+}
+
+#[test]
+fn files_that_a_scene_reads_belong_to_the_identity_of_a_run() {
+    let folder = Folder::new("sources");
+    let world = "[world]\nkind = \"heightmap\"\nfile = \"height.png\"\nmetres_per_texel = 2.0\nheight_range_m = [0.0, 100.0]";
+    let text = kernels::scene::DEFAULT_TEXT.replace("[world]\nkind = \"procedural\"\nseed = 7", world).replacen(
+        "procedural = ",
+        "folder = \"rock\" # ",
+        1,
+    );
+    let definition = Definition { scene: Some(folder.write("scene.toml", &text)), ..trial() };
+    fs::create_dir_all(folder.0.join("rock/maps")).expect("a temporary folder");
+    let files = ["height.png", "rock/albedo.png", "rock/maps/normal.png"];
+    files.iter().for_each(|file| drop(folder.write(file, "before")));
+    // Opening a run only hashes the files; it does not decode them.
+    drop(Run::open(&definition, &place(&folder.0), &machine()).expect("a new run"));
+    let again = Place { existing: Existing::Resume, ..place(&folder.0) };
+    for file in files {
+        folder.write(file, "after");
+        let error = refused(&definition, &again, &machine());
+        assert!(error.contains("the scene's content"), "{file}: {error}");
+        folder.write(file, "before");
+        drop(Run::open(&definition, &again, &machine()).expect("the same files"));
+    }
+    fs::rename(folder.0.join("rock/albedo.png"), folder.0.join("rock/colour.png")).expect("renamed");
+    assert!(refused(&definition, &again, &machine()).contains("the scene's content"), "a file with another name");
 }
 
 #[test]

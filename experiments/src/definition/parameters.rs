@@ -14,6 +14,7 @@ use kernels::scene::{self, Scene, SceneText};
 use kernels::settings::Home;
 use toml::{Table, Value};
 use twox_hash::XxHash64;
+use walkdir::WalkDir;
 
 use super::{Definition, Import, Setting};
 
@@ -135,7 +136,8 @@ impl Import {
 
 /// The reason why the scene with changed settings is refused.
 pub(super) struct Refused {
-    /// Whether the cause is an unknown key. Otherwise the cause is a wrong value, or an error in the unchanged scene.
+    /// Whether the cause is the name of a parameter, for example an unknown key. Otherwise the cause is a wrong value, or an error in the unchanged
+    /// scene.
     pub(super) unknown_key: bool,
     pub(super) what: String,
 }
@@ -216,20 +218,60 @@ impl Definition {
         Ok(settings)
     }
 
-    /// Returns a hash of the source of the scene: the xxHash64 of its text, or of the bytes of the imported heightmap, as 16 hexadecimal digits.
+    /// Returns a hash of the sources of the scene, as 16 hexadecimal digits: the xxHash64 of the text of the scene file, or of the imported heightmap.
+    /// The files that the scene reads (heightmap, textures) or that the import reads (textures) follow, with their names.
     ///
     /// # Errors
-    /// The source cannot be read.
+    /// A source cannot be read.
     pub(crate) fn source_hash(&self) -> Result<String> {
-        let bytes = match &self.import {
+        let mut hasher = XxHash64::with_seed(0);
+        match &self.import {
             Some(import) => {
                 let job = import.job(&self.folder).map_err(|what| anyhow!("import: {what}"))?;
-                fs::read(&job.heightmap).with_context(|| format!("cannot read {}", job.heightmap.display()))?
+                hasher.write(&content(&job.heightmap)?);
+                job.options.materials.iter().try_for_each(|folder| add_files(&mut hasher, folder))?;
             }
-            None => self.scene_text(None).map_err(|what| anyhow!("scene: {what}"))?.text.into_bytes(),
-        };
-        Ok(hash(&bytes))
+            None => {
+                let text = self.scene_text(None).map_err(|what| anyhow!("scene: {what}"))?;
+                hasher.write(text.text.as_bytes());
+                // A varied setting may be the name of a file.
+                let settings: Vec<Setting> = match &self.vary {
+                    Some(vary) => vary.values.iter().cloned().map(Some).collect(),
+                    None => vec![None],
+                };
+                let mut paths: Vec<PathBuf> = Vec::new();
+                for setting in &settings {
+                    paths.extend(self.altered(&text, setting).map_err(|refused| anyhow!("scene: {}", refused.what))?.sources());
+                }
+                paths.sort();
+                paths.dedup();
+                paths.iter().try_for_each(|path| add_files(&mut hasher, path))?;
+            }
+        }
+        Ok(digits(&hasher))
     }
+}
+
+fn content(file: &Path) -> Result<Vec<u8>> {
+    fs::read(file).with_context(|| format!("cannot read {}", file.display()))
+}
+
+/// Adds the name and the content of a file, or of every file below a folder in alphabetical order, to a hash. Names are relative to `path`, so that a
+/// copy of the folder has the same hash.
+fn add_files(hasher: &mut XxHash64, path: &Path) -> Result<()> {
+    for entry in WalkDir::new(path).follow_links(true).sort_by_file_name() {
+        // A link to a folder above it would lead to the same files again.
+        if entry.as_ref().is_err_and(|error| error.loop_ancestor().is_some()) {
+            continue;
+        }
+        let entry = entry.with_context(|| format!("cannot read {}", path.display()))?;
+        if entry.file_type().is_file() {
+            let name = entry.path().strip_prefix(path).unwrap_or(entry.path());
+            hasher.write(name.to_string_lossy().as_bytes());
+            hasher.write(&content(entry.path())?);
+        }
+    }
+    Ok(())
 }
 
 fn is_of_frame(parameter: &str, value: &Value) -> bool {
@@ -240,6 +282,10 @@ fn is_of_frame(parameter: &str, value: &Value) -> bool {
 pub(crate) fn hash(bytes: &[u8]) -> String {
     let mut hasher = XxHash64::with_seed(0);
     hasher.write(bytes);
+    digits(&hasher)
+}
+
+fn digits(hasher: &XxHash64) -> String {
     format!("{:016x}", hasher.finish())
 }
 

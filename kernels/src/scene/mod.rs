@@ -1,7 +1,7 @@
 //! A scene file: what a scene contains, and how its materials are blended. The choices of a frame, such as the noise, are not part of it.
 //!
-//! The types below are the schema of the file (TOML; unknown keys are refused). Lengths are in metres, angles in
-//! degrees, colours in linear RGB. The origin is at the centre of the world; x points east, y north, z up.
+//! The types below are the schema of the file (TOML; unknown keys are refused). Unless stated otherwise, lengths are in metres, angles in degrees,
+//! colours in linear RGB. The origin is at the centre of the world; x points east, y north, z up.
 
 use std::path::PathBuf;
 
@@ -30,8 +30,8 @@ pub struct Scene {
     /// Palette: a texel of the splat map is an index into this list. At most 256 materials.
     #[serde(rename = "material")]
     pub materials: Vec<Material>,
-    /// Splat rules. At every splat texel the rule with the largest weight decides the material; if several weights are equal, the last
-    /// of these rules decides. If all weights are 0, the first rule decides.
+    /// Splat rules. At a splat texel without a painted material, the rule with the largest weight decides the material. If several rules have the
+    /// largest weight, the last of these rules decides. If all weights are 0, the first rule decides.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
     /// Brush strokes, in the order of painting. They change the result of the rules. Where strokes of kind `splat` overlap, the last one
@@ -68,29 +68,42 @@ fn default_detail_size() -> u32 {
     settings::DETAIL_SIZE
 }
 
+impl Scene {
+    /// Returns the paths that a renderer of the scene reads: the heightmap file and the folders of materials.
+    pub fn sources(&self) -> Vec<PathBuf> {
+        let heightmap = match &self.world {
+            World::Heightmap { file, .. } => Some(file),
+            World::Procedural { .. } => None,
+        };
+        let folders = self.materials.iter().filter_map(|material| material.folder.as_ref());
+        heightmap.into_iter().chain(folders).map(|path| self.folder.join(path)).collect()
+    }
+}
+
 /// The source of the heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum World {
-    /// Mountains that are generated from a seed, node by node: 10 240 m wide, with samples 0.5 m apart.
+    /// Mountains that are generated from a seed, node by node: 10 240 m wide, with samples 0.5 m apart at the finest LOD.
     Procedural {
-        /// The seed of the generator. It determines the whole world.
+        /// Seed of the generator, of the noise masks of the splat rules, and of the colour modulation map.
         seed: u32,
         /// Circular holes; most scenes have none.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Range of brightness in the colour modulation map, from its darkest to its lightest value, 0 to 1. 0 = there is no map, and nothing is
-        /// sampled.
+        /// Strength s of the colour modulation map, 0 to 1: its factor on the colour of the ground varies from about 1 - s to 1 + s. 0 = there is no
+        /// map, and nothing is sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
-    /// An imported heightmap: 16-bit samples, row 0 = north. Samples are points, so n samples in a row span n - 1 times their distance.
+    /// An imported heightmap, row 0 = north. Samples are points, so n samples in a row span n - 1 times their distance.
     Heightmap {
         /// The heightmap, usually the 16-bit grey PNG that `import` writes. The path is relative to the folder of the scene file.
         file: PathBuf,
         /// Distance between neighbouring samples, metres.
         metres_per_texel: f64,
-        /// Elevations of the sample values 0 and 65535, metres.
+        /// Elevations of the smallest and the largest possible sample, metres. Unsigned 16-bit samples: 0 and 65535. Signed TIFF: -32768 and 32767.
+        /// Floats: 0 and 1. If the file states its own scale, the two must agree.
         height_range_m: [f64; 2],
         /// Largest offset of the added procedural relief, which is finer than the resolution of the data, metres. 0 = no relief is added, and the
         /// finest LOD follows from the resolution of the data.
@@ -102,8 +115,8 @@ pub enum World {
         /// Circular holes.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Range of brightness in the colour modulation map, from its darkest to its lightest value, 0 to 1. 0 = there is no map, and nothing is
-        /// sampled.
+        /// Strength s of the colour modulation map, 0 to 1: its factor on the colour of the ground varies from about 1 - s to 1 + s. 0 = there is no
+        /// map, and nothing is sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
@@ -185,12 +198,12 @@ pub struct Rule {
     /// below, with a smooth transition. The threshold follows from `noise_cover`.
     #[serde(default)]
     pub noise_m: f64,
-    /// Share of the ground, 0..1, where the noise is above the threshold.
+    /// Approximate share of the ground, 0 to 1, where the noise is above the threshold.
     #[serde(default = "half")]
     pub noise_cover: f64,
 }
 
-/// A stroke of the brush: a line as wide as the brush. Strokes are stored as lines, not as texels, so that every LOD has the same stroke.
+/// A stroke of the brush: a line as wide as the brush. Strokes are stored as lines, not as texels, so that they do not depend on the LOD.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
@@ -206,8 +219,8 @@ pub struct Stroke {
     /// no soft edge, because a splat map holds one material per texel.
     #[serde(default)]
     pub fade_m: f64,
-    /// Factor of a stroke of kind `mask` on the weights of the material's rules, except in the soft edge: 0 removes the material, 1 changes nothing.
-    /// A stroke of kind `splat` does not use this value.
+    /// Factor of a stroke of kind `mask` on the weights of the material's rules. 0 makes these weights 0, 1 changes nothing. In the soft edge, the
+    /// factor changes gradually from `amount` to 1. A stroke of kind `splat` does not use this value.
     #[serde(default)]
     pub amount: f64,
 }
@@ -216,7 +229,7 @@ pub struct Stroke {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrokeKind {
-    /// The splat map: every splat texel that the brush passed over gets the material, regardless of the rules.
+    /// The splat map: splat texels that the brush passed over get the material, regardless of the rules. Later strokes of this kind can replace it.
     Splat,
     /// The weights of the rules that place the material.
     Mask,
@@ -226,11 +239,11 @@ fn half() -> f64 {
     0.5
 }
 
-/// A camera: its position and direction.
+/// A camera: its position, direction and field of view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPose {
-    /// Unique name.
+    /// Name. The names of the cameras of a scene differ. Key poses of a path may have equal names.
     pub name: String,
     /// World metres; z is elevation, or metres above the ground if `above_ground`.
     pub position: [f64; 3],
@@ -254,7 +267,7 @@ fn default_fov() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPath {
-    /// Unique name.
+    /// Name. The names of the paths of a scene differ.
     pub name: String,
     /// Number of frames from one key pose to the next, >= 1.
     pub frames_per_key: u32,
