@@ -17,7 +17,7 @@ use kernels::classification::{self, Classification, Lists, reference::tile_masks
 use kernels::geometry;
 use kernels::gpu::bindings::{Binding, aspect, view};
 use kernels::gpu::{self, Gpu, GpuOptions, Recording};
-use kernels::probe::table::Cells;
+use kernels::probe::table::{self, Cells};
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::motion::{Past, reproject};
 use kernels::shared::noise::BORDER;
@@ -401,7 +401,7 @@ const CASES: &[Case] = &[
             for bits in 0..16 {
                 for u in [0.0, 0.25, 0.5, 0.75, 1.0 - 0.5 * EPS, 1.0, -1.0, 2.0] {
                     for size in [1.0, 1e-20, 1e29] {
-                        // The sum of one, two or four equal weights is exact, and so is its product with u. So u can lie exactly on a threshold.
+                        // Sums of one, two or four equal weights are exact, so several of the values of u lie exactly on a threshold.
                         rows.push((0..4).map(|i| if bits >> i & 1 == 0 { 0.0 } else { size }).chain([u]).collect());
                         rows.push((0..4).map(|i| if bits >> i & 1 == 0 { -size } else { size }).chain([u]).collect());
                     }
@@ -1477,4 +1477,35 @@ fn classification_comparison_notices_differences() {
     let others = tile_masks(scenery.size, &scenery.mask, &narrower, None);
     assert_ne!(others, masks, "the last column must matter");
     assert!(scenery.compare(&lists, &others).is_err());
+}
+
+/// Inputs that the rows of the probes do not reach: a weight that equals the threshold, borders that are NaN, and a tolerance of 1.
+#[test]
+fn edges_of_shared_functions() {
+    // Each expression has the value that the comment of its function defines. `row[0]` is NaN.
+    const EDGES: [(&str, f32); 12] = [
+        // A flavour whose weight equals the threshold is not in the set, for each of the five. The far atlas then stands alone.
+        ("f32(flavour_mask(array<f32, 5>(FLAVOUR_MIN_WEIGHT, 0.0, 0.0, 0.0, 1.0)))", 16.0),
+        ("f32(flavour_mask(array<f32, 5>(0.0, FLAVOUR_MIN_WEIGHT, 0.0, 0.0, 1.0)))", 16.0),
+        ("f32(flavour_mask(array<f32, 5>(0.0, 0.0, FLAVOUR_MIN_WEIGHT, 0.0, 1.0)))", 16.0),
+        ("f32(flavour_mask(array<f32, 5>(0.0, 0.0, 0.0, FLAVOUR_MIN_WEIGHT, 1.0)))", 16.0),
+        ("f32(flavour_mask(array<f32, 5>(1.0, 0.0, 0.0, 0.0, FLAVOUR_MIN_WEIGHT)))", 1.0),
+        // An end of the band that is NaN counts as -1. From -1 to 0.5, the smooth step at 0 is t^2 (3 - 2 t) with t = 2/3, which is 20/27.
+        ("flavour_steep(0.0, vec2<f32>(row[0], 0.5))", 7.0 / 27.0),
+        ("flavour_steep(-0.5, vec2<f32>(-1.0, row[0]))", 0.0),
+        // Without a surface, nothing is the same surface, even if the tolerance accepts every distance.
+        ("f32(motion_same_surface(0.0, 1.0, 1.0))", 0.0),
+        ("f32(motion_same_surface(1.0, 0.0, 1.0))", 0.0),
+        ("f32(motion_same_surface(2.0, 1.0, 1.0))", 1.0),
+        // The blend of two random numbers is made uniform up to the largest number.
+        ("noise_correct(1.0, 0.5)", 0.999_999_94),
+        ("noise_correct(0.0, 0.5)", 0.0),
+    ];
+    let values = EDGES.map(|(expression, _)| expression).join(", ");
+    let body = format!("fn probe(row: array<f32, 1>) -> array<f32, {0}> {{ return array<f32, {0}>({values}); }}", EDGES.len());
+    let found = table::run(gpu(), &body, &[f32::NAN], 1, EDGES.len()).expect("the WGSL compiles");
+    for ((expression, expected), found) in EDGES.iter().zip(found) {
+        // Smooth steps have a rounding error below 1e-6; the other values are exact.
+        assert!((found - expected).abs() < 1e-6, "{expression} is {found}, not {expected}");
+    }
 }

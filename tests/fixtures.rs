@@ -44,6 +44,12 @@ pub(crate) fn open(options: GpuOptions) -> Gpu {
     gpu
 }
 
+/// Returns the text of a WGSL file, or its replacement from the folder SCREE_MUTANT. For tests that put the text into another module.
+pub(crate) fn wgsl_text(file: &Wgsl) -> String {
+    let planted = std::env::var_os("SCREE_MUTANT").map(|folder| Path::new(&folder).join(file.path)).filter(|path| path.is_file());
+    planted.map_or_else(|| file.text.to_owned(), |path| std::fs::read_to_string(path).expect("a mutant"))
+}
+
 /// Returns every WGSL file. Files that several modules use occur more than once.
 pub(crate) fn wgsl_files() -> Vec<&'static Wgsl> {
     let mut files = shader_files();

@@ -96,6 +96,8 @@ mod stability;
 #[cfg(test)]
 mod store;
 #[cfg(test)]
+mod view;
+#[cfg(test)]
 mod workbench;
 #[cfg(test)]
 mod world;
