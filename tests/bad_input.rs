@@ -267,8 +267,8 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
     let out = folder.path("x.png");
     let arguments = ["render", "--camera", "cliff", "--size", "8x8", "--out", &out];
     // Each case has an environment variable, its value, and a text that the error must contain. In the first case, no adapter has the requested name.
-    // In the second case, no driver is found, as on a machine without drivers. This case is tested only on Linux, where the program uses no graphics
-    // interface but Vulkan.
+    // In the second case, no driver is found, as on a machine without drivers. This case is tested only on Linux, where Vulkan is the only graphics
+    // interface that the program uses.
     let mut cases = vec![("WGPU_ADAPTER_NAME", "no such adapter", "experiments adapters")];
     if cfg!(target_os = "linux") {
         cases.push(("VK_DRIVER_FILES", "/nowhere/driver.json", "mesa-vulkan-drivers"));

@@ -18,8 +18,8 @@ fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
     Renderer::with(gpu(), scene, options, &|_| {}).expect("the small scene renders")
 }
 
-/// Returns a request for a picture of the ground. Near ground is shaded from pages of the virtual texture; ground that is farther away is shaded from
-/// the far atlas.
+/// Returns a request for a picture of the ground. Near ground is shaded mainly from pages of the virtual texture; ground that is farther away is
+/// shaded mainly from the far atlas.
 fn ground(renderer: &Renderer<'_>) -> RenderRequest {
     let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
     RenderRequest::new(pose(renderer, "ground"), SIZE).with(|r| {

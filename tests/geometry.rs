@@ -34,8 +34,8 @@ use kernels::world::{LODS, NodeId, World};
 use crate::fixtures::{Folder, SIZE, gpu, island, pose, request, second_renderer, terrain};
 use crate::shading::{self, Seen};
 
-/// A vertex of a square, which is a node or a patch: the index of the vertex in the node, the south-west corner of the square, the number of quads
-/// along a side of the square, and the packed deltas of its four sides (see [`rows`]).
+/// A vertex of a node or of a patch, both of which are squares: the index of the vertex in the node, the index of the square's south-west corner, the
+/// number of quads along a side of the square, and the packed deltas of its four sides (see [`rows`]).
 type Row = ([u32; 2], [u32; 2], u32, u32);
 
 /// Returns rows for the test. A delta is the number of levels by which a side is coarser than the vertices of the square; the deltas of the four
@@ -449,8 +449,8 @@ fn outside_px(renderer: &Renderer<'_>, request: &RenderRequest, half_extent: DVe
     let [width, height] = request.view.size;
     let pixel = |k: u32| {
         let ray = view.ray(f64::from(k % width), f64::from(k / width));
-        // Finds the distance t along the ray by fixed-point iteration. Each step leaves at most 5/6 of the error: the slope of the ground is below
-        // 0.8, and no ray moves sideways by more than 1.04 m per metre down.
+        // The ray descends 1 m per unit of t. The t at which it meets the ground is found by fixed-point iteration. Each step leaves at most 5/6 of
+        // the error: the slope of the ground is below 0.8, and no ray moves sideways by more than 1.04 m per metre down.
         let step = |t: f64| (eye.z - renderer.ground_m(eye.x + ray.x * t, eye.y + ray.y * t)) / -ray.z;
         let t = (0..80).fold(6.0, |t, _| step(t));
         ((eye + ray * t).truncate().abs() - half_extent).max_element() / (view.ray_dx.length() * t)

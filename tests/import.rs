@@ -1,4 +1,4 @@
-//! Tests of heightmap files: every format, windows (rectangular parts of a file), imports as scenes, and the errors for bad files.
+//! Tests of heightmap files: formats, windows (rectangular parts of a file), imports as scenes, and the errors for bad files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -113,7 +113,8 @@ fn bytes(values: &[u16], big: bool) -> Vec<u8> {
     values.iter().flat_map(|v| if big { v.to_be_bytes() } else { v.to_le_bytes() }).collect()
 }
 
-/// Writes the same ground in every format. Returns the files, with the options for reading each of them.
+/// Writes the same ground as PNG, as raw files of both byte orders, as OpenEXR, and as TIFF of three sample types. Returns the files, with the
+/// options for reading each of them.
 fn every_format(temp: &Temp) -> Vec<(PathBuf, ReadOptions)> {
     let values = values(SIZE);
     write_png16(&temp.path("h.png"), SIZE, &values);

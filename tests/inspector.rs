@@ -220,7 +220,7 @@ fn sky_is_nothing_and_beside_the_picture_is_an_error() {
     assert!(error.contains("no pixel 96, 0"), "{error}");
 }
 
-/// Inspects the pixels of a coarse grid over a picture that is drawn with one flavour.
+/// Inspects every 89th pixel of a picture that is drawn with one flavour. Pixels of sky are left out.
 fn grid(flavour: Flavour, estimator: Estimator, noise: NoiseKind, seed: u32) -> Vec<Pixel> {
     let mut renderer = second_renderer();
     let variant = VariantChoice::Forced(Variant::only(flavour));

@@ -18,7 +18,7 @@ pub(crate) struct Fake {
     pub(crate) salt: u64,
     /// Time that each variant takes.
     pub(crate) pause: Duration,
-    /// Whether times are the same in every run, so that tables of times can be compared. Measured times never repeat.
+    /// Whether times are the same in every run, so that tables of times can be compared. If not, times differ from run to run, as measured times do.
     pub(crate) times_repeat: bool,
     /// Number of parts that were measured.
     pub(crate) calls: Cell<u64>,

@@ -137,8 +137,8 @@ fn compare(renderer: &mut Renderer<'_>, camera: &str, base: RenderRequest, step_
         before = links;
     }
     println!("{camera}: {linked:?} linked to other pixels, {hidden} were not seen, {uncertain} are uncertain, {outside} are sky");
-    // Each case must occur: links to other pixels, terrain that was not visible before, and sky. The last two are not required of the camera just
-    // above the ground. Few links are uncertain (`Link::is_uncertain`).
+    // Each case must occur: links to other pixels, terrain that was not visible before, and sky. The last two are not required if `all_ground` is
+    // true. Few links are uncertain (`Link::is_uncertain`).
     assert!(linked.iter().all(|&count| count > 1000), "{camera}: {linked:?}");
     assert!(all_ground || hidden > 500 && outside > 500, "{camera}: {hidden} {outside}");
     assert!(uncertain * 50 < linked.iter().sum::<usize>(), "{uncertain} of {linked:?}");

@@ -95,7 +95,7 @@ struct References {
     files: Vec<String>,
 }
 
-/// A mutant that computes the same results as the original for every input that can occur.
+/// Mutants of one line that compute the same results as the original for every input that can occur.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Equivalent {

@@ -1,4 +1,5 @@
-//! Tests the tables of `make mutants`: a table that an interrupted call left is continued, and is not an error.
+//! Tests the tables of `make mutants`: a table that an interrupted call left is continued, and is not an error. Also tests the printed rate of killed
+//! mutants, and the recorded tables.
 
 use std::fs;
 use std::path::{Path, PathBuf};

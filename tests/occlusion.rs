@@ -205,7 +205,7 @@ impl Given {
             let half =
                 DVec3::new(random(i, table, 5), random(i, table, 6), random(i, table, 7)) * (0.02 + 0.15 * random(i, table, 8)) * distance;
             let corners = match i % 60 {
-                // The box of a patch whose stitches reach out, and a box around the camera.
+                // An infinite box, as of a patch whose vertices stitching may move out of the patch, and a box around the camera.
                 0 => [DVec3::NEG_INFINITY, DVec3::INFINITY],
                 1 => [view.camera - half, view.camera + half],
                 _ => [centre - half, centre + half],
@@ -260,7 +260,7 @@ fn patches_are_listed_in_order_unless_they_are_hidden() {
             with("batches", cast_slice(&batches)),
             with("boxes", cast_slice(&given.boxes)),
             with("pyramid", cast_slice(&given.levels.concat())),
-            // A box of which the pass has not decided whether it is shown must not be listed, so all boxes are marked as shown.
+            // All boxes are marked as shown beforehand, so that the test notices if the pass lists boxes that it has not tested.
             with("shown", cast_slice(&vec![1u32; given.boxes.len()])),
             with("order", cast_slice(&vec![untouched; order as usize])),
             with("arguments", cast_slice(&vec![untouched; 5 * counts.len()])),

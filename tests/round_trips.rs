@@ -1,6 +1,6 @@
-//! Tests that every file that the programs write is read as the same value: scenes, definitions, tables of rows, manifests, the state of
-//! the workbench, recorded paths, tables of probes, and settings. The values are arbitrary. They include the ends of all ranges, extreme
-//! numbers, NaN, and texts with quotes, line breaks and Unicode. Also tests that a picture is written with the same bytes in every run.
+//! Tests that what the programs write is read as the same values: scenes, definitions, tables of rows, manifests, the state of the
+//! workbench, recorded paths, tables of probes, and settings. The values are arbitrary. They include ends of ranges, extreme numbers,
+//! NaN, and texts with quotes, line breaks and Unicode. Also tests that a picture is written with the same bytes in every run.
 //!
 //! The values are built field by field. If a field is added to a type, this file does not compile until it also builds arbitrary values for
 //! that field. All values are drawn with fixed seeds.

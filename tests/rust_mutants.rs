@@ -267,8 +267,8 @@ impl Tree {
             Judge::References => command.args(["--test", "references"]),
             Judge::Units(_) => command.arg("--lib"),
         };
-        // `make test` sets RUSTC_WORKSPACE_WRAPPER to a script that turns lints into errors. The variable is removed here, because a mutant may cause
-        // a lint, such as an unused argument, and must compile nevertheless.
+        // The Makefile sets RUSTC_WORKSPACE_WRAPPER to a script that turns lints into errors. The variable is removed here, because a mutant may
+        // cause a lint, such as an unused argument, and must compile nevertheless.
         command.args(["--message-format", "json"]).current_dir(&self.sources).env("CARGO_TARGET_DIR", &self.target);
         command.env_remove("RUSTC_WORKSPACE_WRAPPER").stderr(if shows_progress { Stdio::inherit() } else { Stdio::piped() });
         let output = command.output().context("cannot start cargo")?;

@@ -135,7 +135,7 @@ fn a_bias_of_one_percent_is_found_with_the_seeds_of_the_recorded_sweep() {
     // (1.2e-4), so it is much smaller than the limit of the test, and is found in hardly any row.
     assert!(share(0.001) >= 0.98 && share(1e-4) < 0.05, "{} and {}", share(0.001), share(1e-4));
     // A bias as large as the one that a report calls detectable is found with at least the stated probability (`POWER`). A bias as large as the limit
-    // of the test is found in half of the rows.
+    // of the test is found in about half of the rows.
     let shifted = |shift: fn(f64, f64) -> f64| {
         let found = |sums: &&Sums| is_off(&planted(&sums[..], |_| 0.0).mean(), |freedom| shift(level, freedom), level);
         rows.iter().filter(found).count() as f64 / count

@@ -15,7 +15,7 @@ use crate::workbench::{cheap_stage, take};
 const PANES: [&str; 11] =
     ["Variants", "Materials", "Rules", "Brush", "Compare", "Places", "Help", "Parameters", "Metrics", "Inspector", "Experiments"];
 
-/// Limit of the number of pixels that may differ. A few pixels differ, because GPUs blend the edges of letters differently.
+/// Limit of the number of pixels that may differ. A few pixels may differ, because GPUs blend the edges of letters differently.
 const MOST_PIXELS: usize = 12;
 /// Limit of the difference in a channel, on the scale from 0 to 255. A pixel counts as different if one of its channels exceeds this limit.
 const CODES: u8 = 48;
@@ -41,8 +41,8 @@ fn panels_look_as_they_did() {
     for pane in PANES {
         take(&mut stage, &format!("click {pane}"));
         if pane == "Experiments" {
-            // The panel must show a fixed folder. The default folder depends on where the program was built, and some of its definitions need data
-            // that are not on every machine.
+            // The panel must show a fixed folder. The default folder depends on the working directory and on where the program lies, and some of its
+            // definitions need data that are not on every machine.
             take(&mut stage, "type Definitions = snapshots/definitions");
         }
         let ([width, height], texels) = stage.pane(pane).unwrap_or_else(|error| panic!("{pane}: {error:#}"));

@@ -684,7 +684,7 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     // During a comparison, the selected pixel is still that of A.
     take(&mut stage, "click Compare; click Show; click Wipe; click Inspector");
     assert_eq!(stage.model().shown().expect("a picture").pixel.as_ref(), Some(pixel));
-    take(&mut stage, "click Let go");
+    take(&mut stage, "click Stop inspecting");
     assert_eq!((stage.model().probe, stage.model().shown().expect("a picture").pixel.is_none()), (None, true));
     // Select the pixel in the middle of the viewport with the mouse. A drag only turns the camera and selects nothing.
     take(&mut stage, "click Compare; click Show; click Only A");

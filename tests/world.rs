@@ -567,8 +567,9 @@ fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Returns the number of teeth per 10 000 vertices whose spacing is that of a LOD. Teeth are counted along the rows and columns of 144 grids of 65 x
-/// 65 vertices, which are distributed over the world. The heights are samples of `height_m`; the heights that a coarse LOD draws are smoother.
+/// Returns the number of teeth per 10 000 vertices. Teeth are counted along the rows and columns of 144 grids of 65 x 65 vertices, which are
+/// distributed over the world; the spacing of the vertices is that of `lod`. Each vertex counts twice, in its row and in its column, but the ends of
+/// rows and columns do not count. The heights are samples of `height_m`; the heights that a coarse LOD draws are smoother.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;
     const SIDE: usize = 65;

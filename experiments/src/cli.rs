@@ -1,6 +1,6 @@
 //! The command line. Scripts depend on it, so its options and output must remain stable.
 //!
-//! Values that have the wrong form or lie outside their range, and most options that exclude each other, are reported here as usage errors (exit
+//! Most values that have the wrong form or lie outside their range, and most options that exclude each other, are reported here as usage errors (exit
 //! status 2).
 
 use std::path::PathBuf;

@@ -33,7 +33,7 @@ pub enum Axis {
 pub enum Signals {
     /// The metric does not depend on a signal; the column is empty.
     None,
-    /// Only albedo, because the metric rests on a theory that exists only for albedo.
+    /// Only albedo, because the metric is computed over seeds, and seeds are drawn only as albedo.
     Albedo,
     /// Each signal that the definition lists.
     Each,
@@ -48,7 +48,7 @@ pub const LAGS: u32 = 4;
 /// correlated, so a standard error that is computed from single frames would be too small.
 pub const GROUPS: u32 = 20;
 
-/// Limit of the number of frames whose perceived noise is measured. Filtering a frame in space takes longer than all its other measurements.
+/// Limit of the number of frames whose perceived noise is measured. The limit is low, because filtering a frame in space takes long.
 const SEEN: u32 = 4;
 
 /// The memory of the eye ([`Sequence::is_seen`]) is considered filled after `FILLED / adaptation` frames. For `adaptation`, see
@@ -75,9 +75,9 @@ impl Sequence {
         self.frames.saturating_sub(self.warm_up.max(lag))
     }
 
-    /// Whether the perceived noise of a frame is measured. This is so for the last frame, and for up to three frames before it at equal distances.
-    /// All of them are measured frames in the second half of the sequence. In the first half, the memory of the eye, which is an exponential mean of
-    /// the error over time, may not be filled yet.
+    /// Whether the perceived noise of a frame is measured. In a sequence of at least two frames, this is so for the last frame, and for up to three
+    /// frames before it at equal distances. These frames are measured frames in the second half of the sequence. In the first half, the memory of the
+    /// eye, which is an exponential mean of the error over time, may not be filled yet.
     pub fn is_seen(self, frame: u32) -> bool {
         let (last, step) = (self.frames.saturating_sub(1), self.seen_step());
         frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
@@ -120,7 +120,7 @@ impl Sequence {
 }
 
 /// The accepted range of the number of pixels per degree of the viewer's field of view. Below this range, the feature filters of FLIP are narrower
-/// than a pixel. Above it, the filters are more than 100 pixels wide, and no display has so many pixels per degree at a usual distance.
+/// than a pixel. Above it, the filters are more than 100 pixels wide, and displays at a usual distance have fewer pixels per degree.
 pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
 /// A metric.
@@ -230,7 +230,7 @@ metrics! {
     PERCEIVED_NOISE = "perceived_noise", "linear luminance", Frames, None, Each,
         "Error against the reference sequence after the eye's filters in time, along exact motion, and in space; root mean square.";
     INVALID_PX = "invalid_px", "px", Picture, None, Each,
-        "Number of terrain pixels, over all measured frames, whose colour is not finite; no other metric includes them.";
+        "Number of terrain pixels, over all measured frames, whose colour is not finite; metrics of colours leave them out.";
     CLUMPING = "clumping", "1", Seeds, None, Albedo,
         "Variance of block means of the noise, divided by that of white noise with the same variance; 1 = white noise, above 1 = blotches.";
     POWER = "power", "1", Seeds, Frequency, Albedo,
@@ -248,7 +248,7 @@ metrics! {
     REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag, Each,
         "Like `reference_difference`, but with the 95th percentile instead of the mean.";
     TERRAIN = "terrain", "1", Picture, None, None,
-        "Share of pixels that show terrain; all other metrics are computed over these pixels.";
+        "Share of pixels that show terrain in all samples of the reference; errors are measured at these pixels.";
     TIME = "gpu_ms", "ms", Clock, None, None,
         "Device time of a pass; on a software adapter only ratios are meaningful.";
     TIME_RATIO = "gpu_ratio", "1", Clock, None, None,
@@ -303,7 +303,7 @@ pub fn timed_pass(name: &str) -> Option<&str> {
     }
 }
 
-/// Returns the metric with this name. The names `gpu_ms:PASS` and `gpu_ratio:PASS` are accepted for every pass.
+/// Returns the metric with this name. The names `gpu_ms:PASS` and `gpu_ratio:PASS` are accepted with any non-empty PASS.
 pub fn find(name: &str) -> Option<&'static Metric> {
     let stem = match name.split_once(':') {
         Some((stem @ (TIME | TIME_RATIO), pass)) if !pass.is_empty() => stem,
@@ -316,7 +316,7 @@ pub fn find(name: &str) -> Option<&'static Metric> {
 /// Returns the metric with this name, or a message if there is none.
 ///
 /// # Errors
-/// The message is one line and names the most similar known metric.
+/// The message is one line and suggests a remedy, such as the most similar known metric.
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
         if let "flicker" | "flicker_p95" = name {

@@ -11,7 +11,8 @@ thread_local! {
     static QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs work that may panic because of a damaged file. The panic is not printed. Returns `None` if the work panicked.
+/// Runs work that may panic because of a damaged file. After [`report_panics`], a panic of this work is not printed. Returns `None` if the work
+/// panicked.
 pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.set(true);
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(work));

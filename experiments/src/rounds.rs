@@ -1,17 +1,18 @@
 //! Measures times: decides in which order pictures are drawn and how many rounds are measured, and estimates times and ratios with intervals.
 //!
 //! Several *candidates* are compared, for example the variants of a definition. A *round* draws every candidate once, in an order that is shuffled
-//! anew for each round. The order is a function of a seed and the number of the round. So a slow drift of the machine affects all candidates equally,
-//! and no candidate always follows the same neighbour. The first round is not timed. It warms up pipelines, pages and caches.
+//! anew for each round. The order is a function of a seed and the number of the round. Because of the shuffling, a slow drift of the machine affects
+//! all candidates about equally, and no candidate regularly follows the same neighbour. The times of the first round are discarded. This round warms
+//! up pipelines, pages and caches.
 //!
 //! Two times of the same round give a ratio. The estimate of a ratio is the median over the rounds. It changes little if another process slows down
 //! single pictures, even if this happens more often to one candidate than to another. The 95 % interval of the median lies between two order
 //! statistics of the ratios. It requires that the rounds are independent, and makes no assumption about the distribution of the ratios. (The
-//! Hodges-Lehmann estimate needs half as many rounds if the distribution of the ratios is symmetric. But a picture that takes longer to draw is
+//! Hodges-Lehmann estimate needs about half as many rounds if the distribution of the ratios is symmetric. But a picture that takes longer to draw is
 //! disturbed more often. The distribution is then not symmetric, and the Hodges-Lehmann interval contains the true ratio too seldom.)
 //!
 //! Rounds are added until the intervals are narrow enough or a budget of time is spent. The number of rounds therefore depends on the clock. This is
-//! acceptable, because times never repeat exactly. The clock is an argument of [`measure`], so that tests can control it.
+//! acceptable, because times do not repeat exactly anyway. The clock is an argument of [`measure`], so that tests can control it.
 //!
 //! Source of the interval: David & Nagaraja, *Order Statistics*, 3rd edition (2003), section 7.1.
 
@@ -159,7 +160,7 @@ pub(crate) struct Plan<'a> {
     pub(crate) wanted: &'a [Wanted<'a>],
     /// Smallest number of timed rounds.
     pub(crate) least: u32,
-    /// Seconds after which no further round begins, counted from the end of the first round, which is not timed.
+    /// Seconds after which no further round begins, counted from the end of the first round, whose times are discarded.
     pub(crate) budget_s: f64,
     /// Seed of the order of candidates.
     pub(crate) seed: u32,
@@ -168,7 +169,7 @@ pub(crate) struct Plan<'a> {
 /// A picture that is to be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Turn {
-    /// Number of the round; 0 = the round that is not timed.
+    /// Number of the round; 0 = the round whose times are discarded.
     pub(crate) round: u32,
     /// The candidate.
     pub(crate) candidate: usize,
@@ -187,10 +188,10 @@ pub(crate) struct Timed {
     pub(crate) ms: f64,
 }
 
-/// Draws at least `plan.least` and at most [`MOST`] timed rounds. Between these limits, it stops when the relative half-width of each number in
-/// `plan.wanted` is at most [`STABLE`], or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called
-/// before each picture. `draw` draws a picture and returns the times of its passes. If the first round has no times, the device cannot measure any,
-/// and there is no second round.
+/// Draws a first round, whose times are discarded, and then at least `plan.least` and at most [`MOST`] timed rounds. Between these limits, it stops
+/// when the relative half-width of each number in `plan.wanted` is at most [`STABLE`], or when the budget is spent. `clock` returns seconds since any
+/// fixed time. `step(done, total)` is called before each picture. `draw` draws a picture and returns the times of its passes. If the first round
+/// gives no times, the device cannot measure any, and there is no second round.
 ///
 /// # Errors
 /// `draw` fails.
@@ -228,8 +229,8 @@ pub(crate) fn measure(
         if round >= plan.least && (widest <= STABLE || spent >= plan.budget_s) {
             break;
         }
-        // The width of an interval is inversely proportional to the square root of the number of rounds. The number of rounds that an interval of
-        // the wanted width needs is therefore proportional to the square of the present width.
+        // The width of an interval is roughly inversely proportional to the square root of the number of rounds. The number of rounds that an
+        // interval of the wanted width needs is therefore about proportional to the square of the present width.
         let needed = if widest.is_finite() { f64::from(round) * (widest / STABLE).powi(2) } else { least };
         let affordable = if spent > 0.0 { f64::from(round) * plan.budget_s / spent } else { f64::INFINITY };
         expected = needed.min(affordable).clamp(least, f64::from(MOST));

@@ -1,4 +1,4 @@
-//! A row of `metrics.parquet` and `metrics.csv`: one measured number, with the columns that identify it.
+//! A row of the tables `metrics` and `times`: one measured number, with the columns that identify it.
 
 use std::cmp::Ordering;
 
@@ -24,7 +24,7 @@ pub struct Row {
     pub noise: String,
     /// Temporal resolve, such as `off`.
     pub temporal: String,
-    /// The quantity that was measured: `albedo`, or `lit` for the lit picture as a screen shows it; empty = the metric does not depend on it.
+    /// The quantity that was measured: `albedo`, or `lit` for the lit picture as a screen shows it; empty = the metric does not depend on a signal.
     pub signal: String,
     /// The parameter that the definition varies, such as `blend.hash_scale`; empty = none.
     pub parameter: String,

@@ -68,7 +68,7 @@ impl FromArgMatches for FrameArgs {
         for setting in options() {
             let option = setting.option();
             if let Kind::Flag = setting.kind {
-                // If a flag is not given, it keeps its value, which `--variant generic` may have set.
+                // If a flag is not given, its setting keeps its value, which `--variant generic` may have set.
                 if matches.get_flag(&option) {
                     self.set(setting, &Value::Boolean(true))?;
                 }

@@ -1,8 +1,8 @@
 //! Tests whether a mean over a picture and over seeds differs from its expected value, and says how large a difference the test can find.
 //!
 //! The numbers come as one sum per seed and per area of the picture. Seeds are independent, but they are few, so a standard error that is computed
-//! from one number per seed is itself very uncertain. Noise is correlated over a few pixels only, so areas that are much larger are independent, too,
-//! and there are many of them. [`Areas`] uses both. METHODOLOGY has the formulas in the sections *Bias* and *Variance*.
+//! from one number per seed is itself very uncertain. Most noise is correlated over a few pixels only. Areas that are much larger are then almost
+//! independent, too, and there are many of them. [`Areas`] uses both. METHODOLOGY has the formulas in the sections *Bias* and *Variance*.
 //!
 //! Limits: noise whose cells are wider than 16 pixels correlates areas. [`Areas::mean`] uses larger areas then, but the standard error may still be
 //! too small.
@@ -28,8 +28,8 @@ const GROUPS: usize = 8;
 const DRAWS: u32 = 1 << 18;
 /// Random signs are drawn until this many draws give a mean square that is at least as large as the measured one.
 const ENOUGH: u32 = 10;
-/// Number of areas whose random signs come from one hash of four words. The signs of the [`GROUPS`] sums of an area are the bits of one byte, and
-/// each word gives three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
+/// Number of areas whose random signs come from one hash of four words. The signs of the sums of an area come from one byte, and each word gives
+/// three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.
 const LANES: usize = 12;
 /// Salt of the hash that gives the random signs. It makes the signs independent of other uses of the hash.
 const SIGNS: u32 = 0x5167_0005;
@@ -59,8 +59,8 @@ pub fn limit(level: f64, freedom: f64) -> f64 {
 }
 
 /// Returns the smallest deviation, in standard errors, that the test of [`limit`] finds with the probability [`POWER`]. This is the approximation of
-/// Johnson and Welch (1940) to the noncentral t distribution. The result is at most 1.3 % too small for 12 or more degrees of freedom, and at most
-/// 4.1 % too small for 3 or more.
+/// Johnson and Welch (1940) to the noncentral t distribution. In tests, the result is at most 1.3 % too small for 12 or more degrees of freedom, and
+/// at most 4.1 % too small for 3.
 pub fn detectable(level: f64, freedom: f64) -> f64 {
     let limit = limit(level, freedom);
     let freedom = freedom.max(1.0);
@@ -128,8 +128,7 @@ impl Areas {
         }
     }
 
-    /// Adds one seed. `sums` has a pair for each area, row by row: the sum of the area's numbers, and their count. If several frames share their
-    /// seeds, the caller first adds up the sums of all frames of a seed.
+    /// Adds one seed. `sums` has a pair for each area, row by row: the sum of the area's numbers, and their count.
     pub fn add(&mut self, sums: impl Iterator<Item = [f64; 2]>) {
         let group = self.seeds as usize % GROUPS;
         self.seeds += 1;
@@ -149,9 +148,10 @@ impl Areas {
         }
     }
 
-    /// Returns the mean over all numbers and seeds. Its variance is the sum of the variances of the areas. If noise correlates neighbouring areas,
-    /// this sum is larger for larger areas. The standard error is therefore computed from areas of the given size, of twice its width and of four
-    /// times its width, and the largest result is returned. A grid of larger areas is not used if too few of them vary (`LEAST_AREAS`).
+    /// Returns the mean over all numbers and seeds. If areas are independent, the variance of their sum is the sum of their variances. If noise
+    /// correlates neighbouring areas, this sum of variances is larger for larger areas. The standard error is therefore computed from areas of the
+    /// given size, of twice its width and of four times its width, and the largest result is returned. A grid of larger areas is not used if too few
+    /// of them vary (`LEAST_AREAS`).
     pub fn mean(&self) -> Mean {
         let [finest, larger @ ..] = &self.grids;
         let numbers = finest.iter().map(|area| area.numbers).sum::<f64>().max(1.0);

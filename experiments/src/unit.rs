@@ -13,10 +13,10 @@ use crate::row::Row;
 /// The work that a part of a run consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// Renders the converged reference of a view and measures how the reference sequences change from frame to frame. The reference and the pictures
-    /// of the sequences are written to the run's folder, where other parts read them.
+    /// Renders the converged reference and the reference sequences of a view, and measures how the sequences change from frame to frame. The pictures
+    /// are written to the run's folder, where the sweeps read them.
     Reference,
-    /// Measures all variants of the definition, over all frames and seeds.
+    /// Measures all variants of the definition over the frames. Without a temporal resolve, also measures several seeds of the last frame.
     Sweep {
         /// Estimator of the stochastic flavours.
         estimator: String,
@@ -52,16 +52,16 @@ pub struct Unit {
 /// The result of a part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Rows of metrics. They are identical if the part is carried out again on the same adapter.
+    /// Rows of metrics. They should be identical if the part is carried out again on the same adapter with the same driver.
     pub rows: Vec<Row>,
-    /// Rows of device times. They differ each time the part is carried out.
+    /// Rows of device times. They usually differ each time the part is carried out.
     pub times: Vec<Row>,
 }
 
 /// An object that carries out parts.
 pub trait Measure {
     /// Carries out one part. Pictures and other files are written to `folder`, each completely or not at all. `step(done, total)` is called to report
-    /// the progress within the part. Implementations check for an interrupt between steps.
+    /// the progress within the part. Implementations should check for an interrupt between steps.
     ///
     /// # Errors
     /// The part cannot be rendered, its files cannot be written, or the user interrupts the run. The part is then not finished.
@@ -114,8 +114,8 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
 }
 
 /// Returns the name of a part: the words, converted to components of a file name and joined by `-`. If the conversion changes a word, or if a part in
-/// `taken` already has this name, a hash of the words is appended. The names of different parts therefore differ, even if upper and lower case are
-/// treated as equal.
+/// `taken` already has this name, a hash of the words is appended. Different parts therefore practically always have different names, even if upper
+/// and lower case are treated as equal.
 fn id_of(words: &[&str], taken: &[Unit]) -> String {
     let id = words.iter().map(|word| file_word(word)).collect::<Vec<_>>().join("-");
     let is_plain = words.iter().all(|word| file_word(word) == *word);

@@ -10,12 +10,12 @@
 //! - [`frame`] calls the stages in order, so its function `draw_into` gives an overview of a frame.
 //! - A stage is a folder with a host module, WGSL and, if the stage has mathematics of its own, a `reference` in Rust. [`stage`] defines what every
 //!   stage declares about itself.
-//! - [`shared`] holds the functions that several stages use. Each is written in WGSL and in Rust; the Rust version is generic over f32 and f64.
-//!   [`probe`] evaluates these functions for tables of inputs.
+//! - [`shared`] holds functions that several stages use. Most are written twice, in WGSL and in Rust; the Rust version is usually generic over f32
+//!   and f64. [`probe`] evaluates such functions for tables of inputs.
 //! - [`gpu`] handles adapters, devices, shaders, timers and read-back.
 //!
-//! Modules are arranged in layers, called floors: a module imports only from lower floors. The list `KERNELS` in `tests/floors.rs` gives the order,
-//! and a test enforces it.
+//! Modules are arranged in layers, called floors: outside tests, a module imports only from itself and from lower floors. The list `KERNELS` in
+//! `tests/floors.rs` gives the order, and a test enforces it.
 
 pub mod base;
 pub mod blocks;

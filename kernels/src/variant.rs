@@ -1,6 +1,6 @@
 //! The five shading flavours and their 31 non-empty combinations.
 //!
-//! Pipelines, indirect arguments, the command line, scene files, metrics and tests all use the definitions of this module.
+//! Pipelines, indirect arguments, the command line, scene files, metrics and tests use the definitions of this module.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations".
 
 use std::fmt;
@@ -8,7 +8,8 @@ use std::str::FromStr;
 
 use crate::base::names::nearest;
 
-/// One of the five ways in which a terrain pixel can be shaded. The discriminant is the flavour's bit in a mask.
+/// One of the five ways in which a terrain pixel can be shaded. The discriminant is the flavour's bit in a mask. The descriptions of near cliff, far
+/// cliff and splat are those of Far Cry 5; other estimators compute these flavours differently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Flavour {
@@ -49,7 +50,8 @@ impl Flavour {
         }
     }
 
-    /// The flavour's colour in maps, sRGB. Colour-blind people can distinguish the hues, which follow Okabe and Ito 2008.
+    /// The flavour's colour in maps, sRGB. The hues resemble those that Okabe and Ito (2008) recommend, because colour-blind people can tell them
+    /// apart.
     pub const fn colour(self) -> [u8; 3] {
         match self {
             Flavour::VirtualTexture => [86, 180, 90],

@@ -1,9 +1,9 @@
 //! Mutants of WGSL. A mutant is the text of a shader with one small fault. The module [`listed`] contains the mutants of Rust, and [`results`] the
 //! tables of results for both languages.
 //!
-//! Mutants measure the strength of tests: a mutant that passes all tests shows that its line could be wrong without any test failing. The operators
-//! are those of mutation testing (Jia and Harman 2011, *An Analysis and Survey of the Development of Mutation Testing*, table 3), adapted to WGSL:
-//! constants, operators, comparisons, components, terms, built-in functions, indices, branches and statements.
+//! Mutants measure the strength of tests: if a mutant passes all tests and is not equivalent to the original, its line could be wrong without any
+//! test failing. The mutation operators follow Jia and Harman (2011, *An Analysis and Survey of the Development of Mutation Testing*, table 3),
+//! adapted to WGSL. They change constants, operators, signs, comparisons, components, terms, built-in functions, indices, branches and statements.
 
 use std::ops::Range;
 
@@ -49,7 +49,7 @@ impl Mutant {
     }
 }
 
-/// Each binary operator with its replacements and the name of the mutation operator.
+/// Operators between two operands, with their replacements and the name of the mutation operator. Other operators stay unchanged.
 const SIGNS: [(&str, &[&str], &str); 22] = [
     ("+", &["-"], "operator"),
     ("-", &["+"], "operator"),
@@ -93,8 +93,8 @@ const CALLS: [(&str, &str); 14] = [
     ("sin", "cos"),
 ];
 
-/// Range of the floating-point constants that are scaled. Smaller and larger constants guard against division by zero and overflow. They are not
-/// scaled, because another tiny or huge value would serve the same purpose.
+/// Range of the floating-point constants that are scaled. Smaller and larger constants usually guard against division by zero and overflow. They are
+/// not scaled, because another tiny or huge value would serve the same purpose.
 const GUARDS: Range<f64> = 1e-5..1e9;
 
 /// Returns all mutants of a text, in the order of their positions. Only function bodies are changed; tests by reflection (`layouts.rs`) check
@@ -305,7 +305,7 @@ fn first_arguments(text: &str, tokens: &[Token], open: usize) -> Option<[Range<u
     Some([tokens[open + 1].range.start..tokens[first - 1].range.end, tokens[first + 1].range.start..tokens[second - 1].range.end])
 }
 
-/// Returns the mutants of a number, each with its operator: slightly larger, halved, or with the opposite sign, where these make sense.
+/// Returns the mutants of a number, each with its operator: a larger number, half of it, or the opposite sign, where these make sense.
 fn constants(word: &str) -> Vec<(&'static str, String)> {
     let (digits, suffix) = match word.char_indices().last() {
         Some((last, 'u' | 'i' | 'f')) if !word.starts_with("0x") || word.ends_with('u') => word.split_at(last),

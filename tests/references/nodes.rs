@@ -222,7 +222,7 @@ fn patches_that_face_away_are_dropped_unless_other_triangles_are_drawn() {
     let layout = Layout::of(10_240.0, None);
     let node = NodeId { lod: 1, x: 20, y: 19 };
     let corner = node.origin_m(&layout);
-    // The camera is south of the node and looks north. The ground rises by 45 degrees to the north, then falls steeply.
+    // The camera is south of the node and looks north. The ground rises by about 45 degrees to the north, then falls steeply.
     let view = view_of([corner.x + 64.0, corner.y - 40.0, 30.0], 0.0, 0.0, 1.2, [96, 64]);
     let cone = |slope: f64, sin_half_angle: f64| Cone { axis: [0.0, slope.sin(), slope.cos()], sin_half_angle };
     let [to_camera, away] = [cone(-0.8, 0.1), cone(1.3, 0.1)];

@@ -19,7 +19,8 @@ use workbench::window::{Workbench, still};
     after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file. For numbers to quote, use `experiments`."
 )]
 struct Args {
-    /// Scene file or folder, or `default` for the built-in scene [default: the scene that was open last; with --fresh or --screenshot, `default`]
+    /// Scene file or folder, or `default` for the built-in scene [default: the scene that was open last, if it is known; with --fresh or
+    /// --screenshot, `default`]
     scene: Option<String>,
     /// Starts with default settings; the saved state of the workbench is neither read nor written
     #[arg(long)]
@@ -52,7 +53,8 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parse().filter(|size| size.iter().all(|n| (SIDES[0]..=SIDES[1]).contains(n))).ok_or_else(wrong)
 }
 
-/// Opens the file of the saved state, unless `fresh` is set. Returns the [`Keeper`], which reads and writes the file, and notes for the user.
+/// Opens the file of the saved state, unless `fresh` is set. Returns the [`Keeper`] that reads and writes the file, and notes for the user. `None` =
+/// nothing is read or saved.
 fn open(fresh: bool) -> (Option<Keeper>, Vec<String>) {
     let Some(path) = kept::place().filter(|_| !fresh) else {
         let nowhere = "nothing is saved between starts, because no folder for the saved state is known: set SCREE_STATE to a file";
@@ -113,7 +115,7 @@ fn run(args: &Args) -> Result<()> {
     eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(open(cc))))).map_err(|error| no_window(&error))
 }
 
-/// The error message for a window that cannot be opened: the reason, and the programs that work without a window.
+/// The error message for a window that cannot be opened. It gives the reason, and names the commands that need no display.
 fn no_window(error: &eframe::Error) -> anyhow::Error {
     // The error message of the window library names a source file of that library. If there is no display, which is the common cause, say so instead.
     let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());

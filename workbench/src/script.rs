@@ -2,9 +2,9 @@
 //! and machines without a display.
 //!
 //! A script controls time. How long a step waits for its picture depends on the machine. Therefore, no time passes while a step waits. This applies
-//! to frames, which advance only by the step `frames` and by the controls that advance by one frame. It also applies to the time of the window, by
-//! which the undo history decides whether two changes are undone together. The same steps therefore show the same frame on every machine. Only the
-//! panels that show measured times differ.
+//! to frames, which advance by the step `frames` and by the controls that advance by one frame. It also applies to the time of the window, by which
+//! the undo history decides whether two changes are undone together. So the number of the frame and the undo history depend on the steps alone.
+//! Measured times still differ from run to run.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -27,7 +27,7 @@ use crate::window::{Workbench, still};
 const PATIENCE: Duration = Duration::from_secs(300);
 /// Pause between two drawings of the window while a step waits.
 const NAP: Duration = Duration::from_millis(5);
-/// Number of drawings of the window after which a turn of the wheel has certainly taken full effect. egui spreads the turn over several drawings.
+/// Number of drawings of the window in which a turn of the wheel takes full effect. egui spreads the turn over several drawings.
 const SPREAD: usize = 60;
 /// Number of drawings of the window before a step. Each drawing takes a quarter of a second of the window's time. Together, the drawings take longer
 /// than the pause of one second that separates two changes in the undo history, so each step is undone by itself.
@@ -48,7 +48,7 @@ pub enum Step {
     Open(String),
     /// Lets time run for this many frames, and waits for the picture of the last one.
     Frames(u32),
-    /// Waits until every shader is compiled.
+    /// Compiles shaders in advance, see [`Engine::warm`], and waits until they are compiled.
     Warm,
 }
 
@@ -92,7 +92,7 @@ pub fn steps(text: &str) -> Result<Vec<Step>> {
     text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
 }
 
-/// Limit of the side of a texture, pixels. Windows of eframe have the same limit.
+/// Limit of the side of a texture, pixels. Windows of eframe usually have the same limit.
 const MOST_SIDE: usize = 8192;
 
 /// The application with an invisible window.

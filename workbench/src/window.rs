@@ -15,7 +15,7 @@ use crate::model::flight::Orbit;
 use crate::model::panes::{Pane, tree_id};
 use crate::model::picture::Wish;
 use crate::model::state::Model;
-use crate::panels::{self, Panels};
+use crate::panels::{self, COMMAND, Panels};
 
 /// The application.
 pub struct Workbench {
@@ -30,8 +30,8 @@ pub struct Workbench {
 }
 
 impl Workbench {
-    /// Creates the application for a scene. A thread draws the pictures; the window shows each when it is ready. `shaders` is a folder of WGSL files
-    /// to draw with and to watch for changes, see [`Engine::start`].
+    /// Creates the application for a scene. A thread draws the pictures, and the window shows the newest one. `shaders` is a folder of WGSL files to
+    /// draw with and to watch for changes, see [`Engine::start`].
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let window = ctx.clone();
         Workbench::drawn_by(Engine::start(shaders, move |within| window.request_repaint_after(within)), scene)
@@ -48,7 +48,7 @@ impl Workbench {
         &self.engine
     }
 
-    /// Compiles every shader that a click may need, in the pauses between pictures.
+    /// Lets the drawing thread compile shaders in advance, see [`Engine::warm`].
     pub fn warm(&self) {
         self.engine.warm();
     }
@@ -84,7 +84,7 @@ impl Workbench {
         }
     }
 
-    /// Requests the picture that the controls describe, unless it has been requested already.
+    /// Requests the picture that the controls describe, unless it cannot be drawn or was the last one to be requested.
     fn ask(&mut self) {
         if !self.model.is_possible() {
             return;
@@ -147,7 +147,7 @@ impl Workbench {
         }
     }
 
-    /// Handles files and folders dropped on the window: a scene is opened; anything else becomes the texture folder of the selected material.
+    /// Handles files and folders dropped on the window. A scene is opened. Anything else is taken as a texture folder for the selected material.
     fn dropped(&mut self, ctx: &egui::Context) {
         let paths: Vec<PathBuf> = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in paths {
@@ -164,22 +164,33 @@ impl Workbench {
     fn bar(&mut self, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             panels::scenes::menu(&mut self.model, ui);
-            if ui.add_enabled(self.model.can_undo(), egui::Button::new("Undo")).on_hover_text("Ctrl+Z").clicked() {
+            if ui
+                .add_enabled(self.model.can_undo(), egui::Button::new("Undo"))
+                .on_hover_text(format!("{COMMAND}+Z"))
+                .on_disabled_hover_text("There is nothing to undo")
+                .clicked()
+            {
                 self.model.undo();
             }
-            if ui.add_enabled(self.model.can_redo(), egui::Button::new("Redo")).on_hover_text("Ctrl+Shift+Z").clicked() {
+            if ui
+                .add_enabled(self.model.can_redo(), egui::Button::new("Redo"))
+                .on_hover_text(format!("{COMMAND}+Shift+Z or {COMMAND}+Y"))
+                .on_disabled_hover_text("There is nothing to redo")
+                .clicked()
+            {
                 self.model.redo();
             }
             ui.separator();
             let label = if self.model.clock.paused { "Run" } else { "Pause" };
-            if ui.button(label).on_hover_text("Space").clicked() {
+            if ui.button(label).on_hover_text("Lets time run, or pauses it. Key: Space.").clicked() {
                 self.model.clock.paused ^= true;
             }
-            if ui.button("Step").on_hover_text("Shows the next frame and pauses (key .)").clicked() {
+            if ui.button("Step").on_hover_text("Pauses time. If it is already paused, shows the next frame. Key: full stop.").clicked() {
                 self.model.step();
             }
-            ui.label(format!("frame {}", self.model.clock.frame))
-                .on_hover_text("Camera paths, and noise that changes over time, depend on this frame number and not on a clock");
+            ui.label(format!("frame {}", self.model.clock.frame)).on_hover_text(
+                "Number of the frame. Camera paths, and noise that changes over time, depend on this number and not on a clock.",
+            );
             ui.separator();
             panels::viewport::viewpoints(&mut self.model, ui);
         });
@@ -192,7 +203,7 @@ impl Workbench {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
                 ui.colored_label(ui.visuals().error_fg_color, error)
-                    .on_hover_text("The shader files are not in use as they are now. To use them, correct and save them.");
+                    .on_hover_text("The shader files in their present state are not in use. To try them again, correct and save them.");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),
@@ -220,7 +231,7 @@ impl Workbench {
     }
 }
 
-/// Switches animations off. An animation repaints the window again and again, which would distort the measured times of pictures.
+/// Switches animations off. Animations would repaint the window again and again, and distort the measured times of pictures.
 pub fn still(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.animation_time = 0.0;

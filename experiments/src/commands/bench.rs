@@ -34,8 +34,8 @@ mod streaming;
 use flight::Flight;
 use streaming::Streamed;
 
-// Except for a part of the last one, the passes below are timed with the wall clock and not with timestamps of the device: on a software adapter, the
-// time between two timestamps includes waiting.
+// The next four times are measured with the wall clock, apart from the occlusion culling in `DECIDING`. Timestamps of the device are not used,
+// because on a software adapter the time between two timestamps includes waiting.
 /// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
 /// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
@@ -155,15 +155,15 @@ impl Ratio {
         is_wall_clock(self.of.1)
     }
 
-    /// Returns the keys of the two times; `None` if a candidate has an unknown name. Only `auto`, the first candidate, has times of the wall clock.
+    /// Returns the keys of the two times; `None` if a candidate has an unknown name. The candidate `auto` has index 0 both in the device times and in
+    /// the wall-clock times, so its keys are valid in both.
     fn keys(&self) -> Option<[Key<'static>; 2]> {
         let key = |(name, pass): (&'static str, &'static str)| Some((candidates().iter().position(|other| other.name == name)?, pass));
         Some([key(self.of)?, key(self.over)?])
     }
 }
 
-/// Returns the ratios for which `decides` holds. Rounds are drawn until the interval of each of these ratios is narrow enough
-/// ([`Estimate::is_stable`]).
+/// Returns the ratios for which `decides` holds. Further rounds are drawn while the interval of one of these ratios is too wide and the budget lasts.
 fn wanted(decides: fn(&Ratio) -> bool) -> Vec<Wanted<'static>> {
     RATIOS.iter().filter(|ratio| decides(ratio)).filter_map(Ratio::keys).map(|[of, over]| Wanted { of, over: Some(over) }).collect()
 }
@@ -257,9 +257,9 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
 const SHARE_SEEN: f64 = 0.25;
 
 /// Measures four durations for each frame: rendering the frame with automatically chosen variants, the part of it that decides what is drawn, reading
-/// the frame back, and measuring two streams, one for each signal. The measurement of a stream includes its changes from the four previous frames,
-/// the changes of its error, and its perceived noise. The call that measures also composes the pictures, so the duration of a separate composition is
-/// subtracted. The reference sequence is the stream itself, because only the durations count. A round is one frame.
+/// the frame back, and measuring two streams of metrics, one for each signal. The measurement of a stream includes its changes from the four previous
+/// frames, the changes of its error, and its perceived noise. The call that measures also composes the pictures, so the duration of a separate
+/// composition is subtracted. The reference sequence is the stream itself, because only the durations count. A timed round is one frame.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let viewing = Viewing::default();

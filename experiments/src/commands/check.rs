@@ -48,7 +48,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     })
 }
 
-/// Refuses a definition without expectations, because its check could never fail.
+/// Refuses a definition without expectations, because there is nothing to check.
 ///
 /// # Errors
 /// The definition has no expectations.

@@ -12,8 +12,8 @@ use crate::store::{Existing, Place};
 
 const TEXT: &str = include_str!("../../definitions/demo.toml");
 
-/// Runs the demo and writes its report. A demo that was stopped continues if it has the same options. Otherwise existing results are replaced,
-/// because users repeat the demo after they have changed something.
+/// Runs the demo and writes its report. A demo that was stopped continues if it has the same options. Otherwise the results of an earlier demo are
+/// replaced, because users repeat the demo after they have changed something.
 pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     let mut definition = definition::parse(TEXT, "demo.toml (built in)", Path::new("."))?;
     let scene = scene::load(scene::DEFAULT)?;

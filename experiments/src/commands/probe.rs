@@ -63,7 +63,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         bail!("--output {} is the input, which would be lost: give a different file", output.display());
     }
     let table = read(input, probe)?;
-    // Each result is written with the fewest digits from which the same number is read back in the precision of the evaluation.
+    // Each result is written with the fewest significant digits from which the same number is read back in the precision of the evaluation.
     #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
     let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
     let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();

@@ -32,7 +32,7 @@ struct Summary {
     estimator: String,
     noise: String,
     seed: u32,
-    /// The values of all settings of the frame, by their keys.
+    /// The values of the settings of the frame, by their keys.
     settings: serde_json::Map<String, serde_json::Value>,
     /// Settings of the scene that `--set` replaced, by their keys.
     set: serde_json::Map<String, serde_json::Value>,
@@ -195,8 +195,8 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
 }
 
 /// Renders the converged reference. It is the blend of four materials in three projections and two tilings (96 fetches), averaged over `samples`
-/// points in the square of each pixel. Only colours are averaged. For layers whose average is meaningless (ids, directions, distances), the values at
-/// the centre of the pixel are returned.
+/// points in the square of each pixel. Of the layers, only colours are averaged. The averages of the others, such as ids, directions and distances,
+/// would be meaningless, so these layers have the values at the centre of the pixel.
 pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
     let truth = request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));

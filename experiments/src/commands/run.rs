@@ -20,7 +20,7 @@ pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: O
     Ok(Box::new(Runner::new(gpu, definition, imported)?))
 }
 
-/// Runs the definitions. If a definition fails, the remaining definitions are still run.
+/// Runs the definitions. A definition that fails does not stop the others; Ctrl-C stops all.
 pub(crate) fn run(args: &RunArgs) -> Result<()> {
     if let Some(jobs) = args.jobs {
         rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start the worker threads: omit --jobs")?;
@@ -117,7 +117,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     if failed.is_empty() { Ok(()) } else { Err(anyhow!("{} of {} experiments failed: {}", failed.len(), files.len(), failed.join(", "))) }
 }
 
-/// Returns the command line, quoted so that it can be run again in a shell.
+/// Returns the command line, quoted for a shell.
 fn exact_command() -> String {
     let quoted = |text: String| {
         let plain = |c: char| c.is_alphanumeric() || "-_./+=,:@%\\".contains(c);

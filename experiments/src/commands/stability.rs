@@ -1,5 +1,5 @@
-//! `stability`: compares every kernel at extreme values with its reference in f64. Also tests stored directions, derivatives, hashes and noise
-//! against values that follow from theory, or that were published or recorded.
+//! `stability`: compares kernels at extreme values with their references in f64. Also tests stored directions, derivatives, hashes and noise against
+//! values that follow from theory, or that were published or recorded.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
             check_interrupted()
         };
         findings = kernel_lab::measure(&extremes, &gpus.iter().collect::<Vec<_>>(), 1.0, progress)?;
-        // The findings contain each row once for each measure and each device. Here each row is counted only once.
+        // The findings contain each row several times: for each measure and each device. Here each row is counted only once.
         let rows: BTreeMap<_, usize> =
             findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
         facts.push(("Rows", rows.values().sum::<usize>().to_string()));

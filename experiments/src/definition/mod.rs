@@ -1,6 +1,6 @@
 //! The definition of an experiment as data: the question, what is rendered and measured, the expected results, and the analysis of the results.
 //!
-//! The types below are the schema of a definition file (TOML). An unknown key is an error; the message names the most similar known key.
+//! The types below are the schema of a definition file (TOML). An unknown key is an error.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -23,14 +23,14 @@ pub use parse::{load, parse, stored};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// Short name, used for the run's folder and in the column `experiment`. It consists of letters, digits, `-` and `_`.
+    /// Short name, used for the run's folder and in the column `experiment`. It consists of ASCII letters, digits, `-` and `_`.
     pub name: String,
     /// The question that the run answers, as one sentence.
     pub question: String,
     /// Markdown paragraphs that say what the results show and what they do not show. They are written after a run, when the results are known.
     #[serde(default)]
     pub analysis: String,
-    /// The scene: `default`, a scene file, or a folder that contains a scene.toml. File names are relative to the folder of the definition file. A
+    /// The scene: `default`, a scene file, or a folder that contains a scene.toml. A relative name refers to the folder of the definition file. A
     /// leading `$SCREE_DATA` is replaced by the value of the environment variable. `scene` and `import` exclude each other. If neither is given, the
     /// scene is `default`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -82,22 +82,22 @@ pub struct Definition {
     /// settings `frame.exposure` and `frame.tone_curve`.
     #[serde(default = "default_signals")]
     pub signals: Vec<String>,
-    /// The conditions under which the pictures are viewed. The metric `perceived_noise` and the command lines of `video` depend on it.
+    /// The conditions under which the pictures are viewed. The metric `perceived_noise` and the command lines of `video` depend on them.
     #[serde(default)]
     pub viewing: Viewing,
-    /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are stored for
-    /// single flavours, for `auto` and `generic`, and for the reference.
+    /// Whether to store the frames as PNG sequences, with command lines for tools that measure video quality. Of the variants, only single flavours,
+    /// `auto` and `generic` are stored. The reference sequences are stored, too.
     #[serde(default)]
     pub video: bool,
-    /// The number of samples per pixel that the reference takes.
+    /// Limits of the number of samples per pixel of the reference.
     #[serde(default)]
     pub reference: Reference,
     /// Which combinations of variant, estimator and noise are timed.
     #[serde(default)]
     pub times: Times,
-    /// Largest number of seconds for which a part of the run measures times, above 0 and at most 86400. A part stops earlier if the 95 % interval of
-    /// each ratio of shading times is at most 5 % wide on each side (if the part times only one picture, the interval of its shading time). A part
-    /// always measures at least six pictures of each variant, and the seconds do not include its warm-up.
+    /// Seconds after which a part of the run begins no further round of timing, above 0 and at most 86400. A part stops earlier if the 95 % interval
+    /// of each ratio of shading times is at most 5 % wide on each side. If the part times only one picture, the interval of its shading time decides.
+    /// On an adapter that can measure times, a part measures at least six rounds. The seconds do not include the first round, which is a warm-up.
     #[serde(default = "default_times_budget_s")]
     pub times_budget_s: f64,
     /// Changes of the definition that make `check` quick.
@@ -176,8 +176,8 @@ pub struct Import {
     /// floats that are metres, or if the file states the unit or the scale of its samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder with images of materials; its sub-folders, at any depth, may hold one or several materials each. A leading `$SCREE_DATA` is replaced as
-    /// in `heightmap`. If absent, the materials are procedural.
+    /// Folder with images of materials. The images may lie in the folder itself or in sub-folders, at most 16 levels deep. A leading `$SCREE_DATA` is
+    /// replaced as in `heightmap`. If the key is absent, the materials are procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
     /// Largest offset of the procedural relief, metres. The relief adds details that are smaller than the sample spacing of the heightmap.
@@ -338,8 +338,8 @@ pub fn variant_name(choice: VariantChoice) -> String {
 /// A value of the varied parameter; `None` if the definition varies no parameter.
 pub type Setting = Option<toml::Value>;
 
-/// Returns a value in the form of the column `setting`. A text is unchanged, a float is written with as few digits as possible, and other values are
-/// written as TOML.
+/// Returns a value in the form of the column `setting`. A text is unchanged, a float is written in decimal notation with the fewest significant
+/// digits that identify it, and other values are written as TOML.
 pub fn setting_text(value: &toml::Value) -> String {
     match value {
         toml::Value::String(text) => text.clone(),
@@ -370,21 +370,21 @@ impl Definition {
         Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
     }
 
-    /// Returns the signals that are measured.
+    /// Returns the signals that are measured, in the order of [`Signal::ALL`].
     pub fn measured_signals(&self) -> Vec<Signal> {
         Signal::ALL.into_iter().filter(|signal| self.signals.iter().any(|name| name == signal.name())).collect()
     }
 
-    /// Whether a run measures this metric. The metric, or another metric with which it is always measured, must be requested, and the definition
-    /// must have the seeds, frames or times that the metric needs. The number of invalid pixels is always measured, because without it nobody
-    /// would know that other metrics leave pixels out.
+    /// Whether a run measures this metric. Usually, the metric must be requested, and the definition must have the seeds, frames or times that the
+    /// metric needs. Some metrics are also measured if a related metric is. The number of invalid pixels is measured in every run, because metrics of
+    /// colours leave these pixels out.
     pub fn measures(&self, metric: &str) -> bool {
         // The accuracy of the reference is reported if any error metric is measured.
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         let with_another = || metrics::companion_of(metric).is_some_and(|other| self.why_not(other).is_ok());
-        // The share of disoccluded pixels is measured with any metric that compares frames, because those metrics leave out disoccluded pixels, and a
-        // report says how many pixels remain.
+        // The share of disoccluded pixels is measured with any metric that compares frames, because most of those metrics leave out disoccluded
+        // pixels, and a report says how many pixels remain.
         let of_frames =
             || metric == metrics::DISOCCLUDED && metrics::METRICS.iter().any(|m| m.needs == Needs::Frames && self.why_not(m.name).is_ok());
         metric == metrics::INVALID_PX || self.why_not(metric).is_ok() || of_an_error() || of_frames() || with_another()

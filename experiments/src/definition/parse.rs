@@ -31,9 +31,9 @@ pub fn load(file: &Path) -> Result<Definition> {
 /// refer to `folder`.
 ///
 /// # Errors
-/// The message is one line that contains `name:line`, the key and the remedy. Possible causes are: invalid TOML, an unknown key (the
-/// message names the most similar known key), a wrong type or value, a metric that needs more seeds or frames, an expectation that selects
-/// no rows, and a scene that is invalid or lacks something that the definition needs.
+/// The message is one line with the place in the text and, usually, the remedy. Possible causes are: invalid TOML, an unknown key, a wrong type or
+/// value, a metric that needs more seeds or frames, an expectation that selects no rows, and a scene that is invalid or lacks something that the
+/// definition needs.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     let refuse = |wrong: document::Wrong| anyhow!("experiment {}: {}", wrong.place(name), wrong.what);
     let mut definition: Definition = document::read(text, remedy_of_missing).map_err(refuse)?;
@@ -42,7 +42,8 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     Ok(definition)
 }
 
-/// Reads the definition that is stored with a run. Its scene is not checked, because the files of the scene may have been removed.
+/// Reads the definition that is stored with a run. Only the types of its values are checked. The scene is not checked, because its files may have
+/// been removed.
 ///
 /// # Errors
 /// The text is not a definition.

@@ -1,5 +1,5 @@
-//! Checks the values of a definition and their combinations; the types of the values are already checked when the file is read. Errors are reported
-//! before a run starts, and not after hours of measuring.
+//! Checks the values of a definition and their combinations. The types of the values are already checked when the file is read. Most errors in a
+//! definition are thus reported before anything is measured.
 
 use std::path::Path;
 
@@ -68,7 +68,7 @@ impl Facts {
 }
 
 impl Definition {
-    /// Checks the definition and its scene. Then repeats the checks for the definition with the changes of `small`.
+    /// Checks the definition and its scene. If `small` changes anything, repeats the checks for the definition with these changes.
     pub(super) fn check(&self) -> Checked {
         shape(self)?;
         let scene = At::top().key("scene");
@@ -109,8 +109,8 @@ fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
     Err(at.problem(what))
 }
 
-/// Corrects the place of a problem that was found after the changes of `small` were applied. If a key of `small` causes the problem, the problem gets
-/// the place of this key. Otherwise the place is unchanged, and the message mentions `small`.
+/// Corrects the place of a problem that was found after the changes of `small` were applied. If the problem is at a key that `small` replaces, it
+/// gets the place of this key in `small`. Otherwise the place is unchanged, and the message mentions `small`.
 fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let small = &definition.small;
     let changed = |key: &str| match key {
@@ -168,13 +168,16 @@ fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String
     Ok(())
 }
 
-/// Checks everything that does not depend on the scene.
+/// Checks what does not depend on the scene. [`small_lists`] checks the lists of `small`, and [`expected`] checks the expectations.
 fn shape(definition: &Definition) -> Checked {
     let top = At::top();
     let name = top.key("name");
     name.file_stem(&definition.name)?;
     if !definition.name.is_ascii() {
-        name.fail(format!("`{}` names a folder, so it must be ASCII text: use letters a to z, digits, - and _", definition.name))?;
+        name.fail(format!(
+            "`{}` names a folder, so it must be ASCII text: use letters A to Z and a to z, digits, - and _",
+            definition.name
+        ))?;
     }
     if definition.question.trim().is_empty() {
         top.key("question").fail("is empty: write the question that the run answers")?;
@@ -392,8 +395,8 @@ fn finite(at: &At, value: &Value) -> Checked {
     }
 }
 
-/// Checks everything that depends on the scene: the cameras and paths that the definition names, the number of frames of paths, the fields of view
-/// of zooms, the settings of the scene, and the expectations.
+/// Checks what depends on the scene, such as the cameras and paths that the definition names, the number of frames of paths, the fields of view of
+/// zooms, and the settings of the scene. Also checks the expectations.
 fn against(definition: &Definition, facts: &Facts) -> Checked {
     let top = At::top();
     let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
@@ -546,7 +549,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     Ok(())
 }
 
-/// Checks that at least one row of the run can have this value in this column.
+/// Checks that a row of the run can have this value in this column, as far as this is known before the run.
 fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
     let columns =
         ["scene", "view", "variant", "estimator", "noise", "temporal", "signal", "parameter", "setting", "frame", "lag", "frequency"];

@@ -36,7 +36,8 @@ pub struct Side<'a> {
 /// is false are not checked.
 ///
 /// # Errors
-/// The display windows lie at different places, or a pixel that only one file stores is not black. The message names both windows.
+/// The display windows lie at different places, or a pixel that only one file stores is not black. The message names both files and what they store
+/// or show.
 pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Result<()> {
     if let (Some(a), Some(b)) = (test.image.origin.windows, reference.image.origin.windows)
         && a.display.position != b.display.position
@@ -78,8 +79,8 @@ pub fn check_windows(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>)
     )))
 }
 
-/// Returns notes about the properties of the files that affect the metrics, in a fixed order; empty if there are none. Pixels for which
-/// `mask` is false are ignored. The two pictures must have the same size and content.
+/// Returns notes about the properties of the files that affect the metrics, in a fixed order; empty if there are none. The notes about alpha and
+/// about clamped values count only pixels for which `mask` is true. The two pictures must have the same size and content.
 pub fn notes(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>, metrics: &[Metric]) -> Vec<Note> {
     let mut notes: Vec<Note> = [test, reference].into_iter().flat_map(of_file).collect();
     notes.extend(precision(test, reference));
@@ -135,8 +136,9 @@ fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     Some(Note { about: "precision", text })
 }
 
-/// Returns a note about alpha, which no metric compares. It gives the number of pixels with different alpha. If only one of the files has
-/// colours that are multiplied by alpha, the note also gives the number of pixels that are not opaque. A picture without alpha is opaque.
+/// Returns a note about alpha, which no metric compares. It gives the number of pixels with different alpha. If only one of the files has colours
+/// that are multiplied by alpha, it also gives the number of pixels that are not opaque in at least one of the pictures. Numbers of 0 are omitted. A
+/// picture without alpha is opaque.
 fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<Note> {
     if test.image.content != Content::Colour {
         return None;

@@ -1,6 +1,6 @@
-//! FLIP: the difference that a viewer sees when two pictures are shown alternately. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
-//! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*. This is the version for low dynamic range. The code of the authors (crate
-//! `nv-flip`) is called; it takes sRGB values of 8 bits.
+//! FLIP predicts the difference that a viewer sees when two pictures are shown alternately. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
+//! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*. This is the version for low dynamic range. The authors' code is called
+//! through the crate `nv-flip`. It takes sRGB values of 8 bits.
 
 use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
@@ -110,7 +110,7 @@ mod tests {
     /// Converts linear sRGB to CIELAB. To model the Hunt effect, a and b are multiplied by 0.01 L, as in the paper.
     fn hunt_lab([r, g, b]: [f64; 3]) -> [f64; 3] {
         let xyz = |r: f64, g: f64, b: f64| {
-            // The matrix of IEC 61966-2-1. It is computed from the primaries, as in the code of the paper's authors.
+            // The matrix that follows from the primaries and the white of IEC 61966-2-1, as in the code of the paper's authors.
             let x = 10_135_552.0 / 24_577_794.0 * r + 8_788_810.0 / 24_577_794.0 * g + 4_435_075.0 / 24_577_794.0 * b;
             let y = 2_613_072.0 / 12_288_897.0 * r + 8_788_810.0 / 12_288_897.0 * g + 887_015.0 / 12_288_897.0 * b;
             let z = 1_425_312.0 / 73_733_382.0 * r + 8_788_810.0 / 73_733_382.0 * g + 70_074_185.0 / 73_733_382.0 * b;
@@ -124,8 +124,8 @@ mod tests {
     }
 
     /// Returns the error of two uniform pictures by the formula of the paper. Uniform pictures have no features, so only the difference in colour
-    /// counts. It is the HyAB distance to the power 0.7, mapped to 0..=1. The largest distance is that between green and blue. Distances up to 40 %
-    /// of it are mapped to 0..=0.95, and larger distances to the rest of the range.
+    /// counts. It is the HyAB distance to the power 0.7, mapped to 0..=1. This power is largest for green and blue. Powers up to 40 % of the largest
+    /// are mapped to 0..=0.95, and larger powers to the rest of the range.
     fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let (a, b) = (hunt_lab(a), hunt_lab(b));
@@ -151,13 +151,13 @@ mod tests {
             let (a, b) = (code(a), code(b));
             let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
             let expected = uniform_error(linear(a), linear(b));
-            // The tested code computes in f32. Lab values are at most 100, and their error is about 1e-5 of this, which is 1e-3. The power and the
-            // division by the largest distance reduce the error, so the error of the result is below 1e-3.
+            // The tested code computes in f32. Lab values are about 100 at most, and their error is about 1e-5 of this, which is 1e-3. The power and
+            // the division by the largest distance reduce the error, so the error of the result is below 1e-3.
             for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
                 assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
             }
-            // Negative control: if the formula is applied to the encoded values without decoding them, it gives a different error. Colours whose
-            // channels are all 0 or 1 are excepted, because decoding does not change them.
+            // Negative control: if the formula is applied to the encoded values without decoding them, it gives a different error. Pairs whose first
+            // colour has only channels of 0 or 1 are excepted, because decoding does not change that colour.
             let wrong = uniform_error(a.map(f64::from), b.map(f64::from));
             assert!(a.map(f64::from) == linear(a) || (wrong - expected).abs() > 0.01);
         }

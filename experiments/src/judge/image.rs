@@ -22,9 +22,9 @@ impl Image {
     /// besides alpha. Colours are converted to the primaries of Rec. 709, which are those of sRGB.
     ///
     /// # Errors
-    /// The file does not exist or is not a picture, is damaged or of an unsupported kind, has no layer or several layers to which `layer`
-    /// can refer (the message names the layers that exist), stores no pixel of its display window, has more than 2^26 pixels, or contains
-    /// values that are NaN or infinite (the message says how many, and where the first one is).
+    /// The file cannot be read, is not a picture, is damaged or of an unsupported kind, has more than 2^26 pixels, stores no pixel of its
+    /// display window, states chromaticities that are no colour space, or contains values that are NaN or infinite. It is also an error if
+    /// no layer or several layers fit `layer`, or if `layer` is `None` and several layers can be meant.
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
@@ -187,8 +187,8 @@ mod tests {
         assert_eq!((moved.size, [0, 1, 3].map(|index| moved.stores(index))), ([3, 2], [false, true, false]));
         let refused = write((3, 0), display, None).unwrap_err().to_string();
         assert!(refused.contains("stores 3 x 2 at (3, 0)") && refused.contains("picture of 3 x 2 at (-1, 0)"), "{refused}");
-        // The chromaticities are the primaries of XYZ with the white of Rec. 709. The channels then contain X, Y and Z, and Y is the
-        // luminance of Rec. 709.
+        // The chromaticities are the primaries of XYZ with the white of Rec. 709. The channel G then contains Y, which is the luminance of
+        // Rec. 709.
         let point = |x: f32, y: f32| e::Vec2(x, y);
         let xyz = |white: e::Vec2<f32>| e::attribute::Chromaticities {
             red: point(1.0, 0.0),

@@ -29,8 +29,8 @@ struct Layer<'a> {
 }
 
 impl<'a> Layer<'a> {
-    /// Returns the channels R G B, or else X Y Z, or else the only channel except A, with the meaning of their values. `None` if the layer
-    /// has none of these.
+    /// Returns the channels R G B, or else X Y Z, or else the single channel besides A, with the meaning of their values. `None` if the layer has
+    /// none of these.
     fn picture(&self) -> Option<(Content, [&'a Channel; 3])> {
         let of = &self.channels;
         let three = |[a, b, c]: [&str; 3]| Some([of.with_base(a)?, of.with_base(b)?, of.with_base(c)?]);
@@ -136,8 +136,8 @@ fn layers(parts: &[Part]) -> Vec<Layer<'_>> {
     layers
 }
 
-/// Returns the name of a layer. `prefix` is the text before the last '.' in the names of its channels. The name of the part is put before
-/// `prefix`, unless `prefix` already begins with it.
+/// Returns the name of a layer. `prefix` is the text before the last '.' in the names of its channels. The name of the part is put before `prefix`,
+/// unless `prefix` equals it or begins with it and a '.'.
 fn layer_name(part: &str, prefix: &str) -> String {
     match (part, prefix) {
         (part, "") => part.to_owned(),
@@ -147,7 +147,8 @@ fn layer_name(part: &str, prefix: &str) -> String {
     }
 }
 
-/// Returns the layer with this name. A name that is exactly equal takes precedence over names that differ in case.
+/// Returns the layer with this name. A name that is exactly equal takes precedence over names that differ in case. It is an error if no layer or
+/// several layers have the name.
 fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>, String> {
     let exact: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.name == wanted).collect();
     let alike: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.name.eq_ignore_ascii_case(wanted)).collect();
@@ -164,9 +165,9 @@ fn named<'l, 'a>(layers: &'l [Layer<'a>], wanted: &str) -> Result<&'l Layer<'a>,
     }
 }
 
-/// Returns the layer that is read if the caller names none. If there are layers with colours, layers of vectors and values are left out. Among
-/// the remaining layers, the layer without a name is returned or, if all have names, the only layer. If several layers remain, the function
-/// returns an error.
+/// Returns the layer that is read if the caller names none. Layers that are no pictures ([`Layer::picture`]) are left out. If there are layers with
+/// colours, layers of vectors and values are left out, too. If a remaining layer has no name, layers with names are left out. If several layers
+/// remain after these steps, the function returns an error.
 fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     let pictures: Vec<&'l Layer<'a>> = layers.iter().filter(|layer| layer.picture().is_some()).collect();
     let colours: Vec<&'l Layer<'a>> = pictures.iter().copied().filter(|layer| layer.is_colour()).collect();
@@ -188,19 +189,19 @@ fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     }
 }
 
-/// Returns the channel A of the picture itself, which is the layer without a name or, if all layers have names, the first layer. The
-/// channel may be in a different part than `layer`. If there is no such channel, returns the channel A of `layer`.
+/// Returns the channel A of the picture itself, which is the layer without a name or, if all layers have names, the first layer. The channel may be
+/// in a different part than `layer`, if that part has the same windows. If there is no such channel, returns the channel A of `layer`.
 fn alpha<'a>(layers: &[Layer<'a>], layer: &Layer<'a>) -> Option<&'a Channel> {
     let main = if layers.iter().any(|other| other.name.is_empty()) { "" } else { layers.first().map_or("", |first| first.name.as_str()) };
     let of_main = layers.iter().filter(|other| other.name == main);
     let same_part = of_main.clone().filter(|other| std::ptr::eq(other.part, layer.part));
-    // A different part can be used only if it has the same windows. Otherwise its samples belong to different pixels.
+    // With other windows, the samples of a part belong to other pixels.
     let same_windows =
         |other: &&Layer<'a>| other.part.data_window == layer.part.data_window && other.part.display_window == layer.part.display_window;
     same_part.chain(of_main.filter(same_windows)).find_map(|other| other.channels.with_base("A")).or_else(|| layer.channels.with_base("A"))
 }
 
-/// Joins names from a file into one line. If there are more than [`NAMES`], the other names are only counted.
+/// Joins names from a file into one line. The names after the first [`NAMES`] are only counted. Equal neighbours are written once.
 fn list<'n>(names: impl ExactSizeIterator<Item = &'n str>) -> String {
     let more = names.len().saturating_sub(NAMES);
     let mut shown: Vec<String> = names.take(NAMES).map(one_line).collect();

@@ -8,13 +8,12 @@
 //!   than tev's, so a single black pixel can dominate the mean, and for r = -0.01 it is 0. tev's formula is the relative error of Rousselle,
 //!   Knaus and Zwicker 2011, *Adaptive Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
 //! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. tev and imgtool do not have this metric. Encoded values are used, because only bounded values
-//!   have a peak, which is 1. For 8-bit pictures the result is then equal to that of other tools. PSNR is infinite if nothing differs. PSNR of linear
-//!   values with peak 1 would contain the same information as the MSE: see [`psnr_db`].
+//!   have a peak, which is 1. For 8-bit pictures the result then equals that of tools that average over the three channels of the codes. PSNR is
+//!   infinite if no encoded value differs. PSNR of linear values with peak 1 would contain the same information as the MSE: see [`psnr_db`].
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
-//! tev and imgtool skip infinite differences. This module refuses pictures with NaN or infinite values, because such values are defects. It computes
-//! its sums in f64.
+//! [`Pair`] refuses pictures with NaN or infinite values, because such values are defects. Sums are computed in f64.
 
 mod coded;
 mod facts;
@@ -121,7 +120,7 @@ pub struct Errors {
     pub mse: f64,
     /// Mean relative squared error, a ratio.
     pub mrse: f64,
-    /// Peak signal-to-noise ratio, dB; infinite if the pictures are equal.
+    /// Peak signal-to-noise ratio, dB; infinite if the encodings of all compared pixels are equal.
     pub psnr: f64,
     /// Structural similarity, -1..=1; `None` if there is no compared pixel around which a window fits into the picture.
     pub ssim: Option<f64>,
@@ -131,15 +130,14 @@ pub struct Errors {
 
 /// Compares a test picture with a reference by all metrics. Both are in linear colour, row by row.
 ///
-/// Each metric is computed from a mean over the pixels for which `mask` is true. FLIP and SSIM also use the neighbourhood of a pixel. Therefore all
-/// pixels outside the mask are first copied from the reference to the test, and are then excluded from the mean. Their original content has no
-/// influence. Next to the border of the mask, differences count slightly less than elsewhere, because a part of the neighbourhood equals the
-/// reference.
+/// Each metric is computed from a mean over the pixels for which `mask` is true. FLIP and SSIM also use the neighbourhood of a pixel. For them, the
+/// test's pixels outside the mask are replaced by those of the reference, so the original values of these pixels have no influence. Next to the
+/// border of the mask, a part of the neighbourhood therefore equals the reference, and differences may count less than elsewhere.
 ///
 /// FLIP takes most of the time. Callers that do not need FLIP should use [`Pair`].
 ///
 /// # Errors
-/// See [`Pair::new`].
+/// See [`Pair::new`] and [`flip::map`].
 pub fn errors(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: &[bool]) -> Result<Errors> {
     let pair = Pair::new(size, test, reference, Some(mask))?;
     let flip = pair.flip(flip::PIXELS_PER_DEGREE)?.pool(Some(mask));
@@ -215,7 +213,7 @@ impl<'a> Pair<'a> {
         self.mean(self.test, self.reference, |t, r| (t - r) * (t - r) / (r * r + MRSE_EPSILON))
     }
 
-    /// Returns the PSNR of the sRGB encodings, dB; infinite if they are equal.
+    /// Returns the PSNR of the sRGB encodings, dB; infinite if they are equal in all compared pixels.
     pub fn psnr(&self) -> f64 {
         let [test, reference] = self.encoded();
         psnr_db(self.mean(test, reference, |t, r| (t - r) * (t - r)))
@@ -298,7 +296,7 @@ mod tests {
 
     #[test]
     fn a_constant_offset_has_closed_forms() {
-        // Both values are exact in f32, so only the sums have rounding errors.
+        // Both values are exact in f32, so the errors of MSE and MRSE are only those of f64.
         let (t, r) = (0.75, 0.5);
         let (test, reference) = (constant(t), constant(r));
         let found = errors(SIZE, &test, &reference, &vec![true; area(SIZE)]).unwrap();

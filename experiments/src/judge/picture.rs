@@ -15,14 +15,14 @@ pub enum Content {
     Value,
 }
 
-/// A picture, or one layer of it. Its values are linear, and its rows are ordered from top to bottom.
+/// A picture, or one layer of it. Colours are linear, and rows are ordered from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width and height, pixels. For an OpenEXR file, this is the size of the display window.
     pub size: [u32; 2],
     /// The texels. All their values are finite. Pixels that an OpenEXR file does not store are 0.
     pub texels: Vec<[f32; 3]>,
-    /// Alpha (channel A) of the picture itself or, if it has none, of the layer in `texels`. It is not checked, so it may be NaN.
+    /// Alpha (channel A) of the picture itself or, if it has none for the same pixels, of the layer in `texels`. It is not checked, so it may be NaN.
     pub alpha: Option<Vec<f32>>,
     /// The meaning of a texel's three numbers.
     pub content: Content,
@@ -31,13 +31,12 @@ pub struct Image {
 }
 
 impl Image {
-    /// Returns for each pixel whether it shows only terrain, which means that its alpha is 1 (the sky has alpha 0). `None` if the picture has no
-    /// alpha.
+    /// Returns for each pixel whether it shows only terrain: its alpha is at least 1 (the sky has alpha 0). `None` if the picture has no alpha.
     pub fn terrain(&self) -> Option<Vec<bool>> {
         self.alpha.as_ref().map(|alpha| alpha.iter().map(|a| *a >= 1.0).collect())
     }
 
-    /// Whether the file stores the pixel with this index. Indices count pixels row by row. OpenEXR files may store a part of the picture.
+    /// Whether the file stores the pixel with this index. Indices count pixels row by row. An OpenEXR file may store only a part of its picture.
     pub fn stores(&self, index: usize) -> bool {
         self.origin.windows.is_none_or(|windows| windows.stores(index))
     }
@@ -59,12 +58,12 @@ pub struct Origin {
     pub ignored: Option<String>,
     /// How the picture was turned because of its EXIF orientation.
     pub turned: Option<&'static str>,
-    /// Bits of the integers that the file stores; `None` = floats.
+    /// Bits of the decoded integers (8 also stands for fewer bits in the file); `None` = floats, or OpenEXR channels of several types.
     pub bits: Option<u8>,
     /// The compression, if it changes samples.
     pub lossy: Option<&'static str>,
     /// Whether colours are multiplied by alpha, as OpenEXR requires and PNG forbids.
     pub multiplied_by_alpha: bool,
-    /// Width of a pixel divided by its height, if it is not 1.
+    /// Width of a pixel divided by its height; `None` = about 1, or not stated.
     pub pixel_aspect: Option<f32>,
 }

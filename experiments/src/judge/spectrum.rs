@@ -1,5 +1,5 @@
-//! Computes the power spectrum of a field. The spectrum describes how much the values of the field vary at each frequency. White noise has
-//! a power of 1 at every frequency.
+//! Computes the power spectrum of a field. The spectrum describes how much the values of the field vary at each frequency. White noise has an
+//! expected power of 1 at every frequency.
 //!
 //! Noise that forms blotches has a high power at low frequencies. Blue noise has little power there and hardly forms blotches (Ulichney 1987,
 //! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
@@ -29,15 +29,15 @@ pub struct Band {
 ///
 /// > P(k) = |F(k)|² / Σ w² (f - m)²
 ///
-/// The power of a band is the mean of P over its frequencies. By Parseval's theorem, the mean of P over all frequencies is 1 for every field, so
-/// white noise has an expected power of 1 in every band. Two groups of frequencies are excluded. The nine frequencies that are at most one step from
-/// 0 on both axes are excluded, because subtracting the mean removes power from them. (The window spreads this effect to all nine, but not to other
-/// frequencies.) The frequencies above 0.5 in the corners of the spectrum are excluded, too. A constant field has a power of 0.
+/// The power of a band is the mean of P over its frequencies. By Parseval's theorem, the mean of P over all frequencies is 1 for every field that is
+/// not constant, so white noise has an expected power of 1 in every band. Two groups of frequencies are excluded. The nine frequencies that are at
+/// most one step from 0 on both axes are excluded, because subtracting the mean removes power from them. (The window spreads this effect to all nine,
+/// but not to other frequencies.) Frequencies of 0.5 and above are excluded, too. A constant field has a power of 0, up to rounding.
 ///
-/// The standard error assumes a Gaussian field or many pixels. P(k) is then exponentially distributed, so its standard deviation equals its mean. A
-/// frequency and its negative have equal P, so only half of the frequencies count. Neighbouring frequencies are correlated by the window: along an
-/// axis, the correlation of P(k) and P(k + d) is (2/3)² for d = 1 and (1/6)² for d = 2. For both axes together, this multiplies the variance of the
-/// mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
+/// The standard error assumes a Gaussian field or many pixels. P(k) is then approximately exponentially distributed, so its standard deviation equals
+/// its mean. A frequency and its negative have equal P, so only half of the frequencies count. Neighbouring frequencies are correlated by the window:
+/// along an axis, the correlation of P(k) and P(k + d) is (2/3)² for d = 1 and (1/6)² for d = 2. For both axes together, this multiplies the variance
+/// of the mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
 ///
 /// # Errors
 /// The lengths do not match, a value is NaN or infinite, `bands` is 0, or a band would be less than 4 frequencies wide. There can be at most (smaller
@@ -128,7 +128,7 @@ mod tests {
         radial_power(field, SIZE, BANDS).unwrap()
     }
 
-    /// Tests the null hypothesis that the power is 1 in every band. The 16 bands together have a level of 0.1 %.
+    /// Tests the null hypothesis that the power is 1 in every band. For [`BANDS`] bands, the level of all tests together is 0.1 %.
     fn is_white(bands: &[Band]) -> bool {
         bands.iter().all(|b| (b.power - 1.0).abs() <= Z * b.standard_error)
     }
@@ -160,7 +160,7 @@ mod tests {
             let stated = all.iter().map(|bands| bands[band].standard_error).sum::<f64>() / SEEDS as f64;
             // The standard deviation of 64 normal values has a relative standard error of 1 / sqrt(2 · 63) = 9 %. The 16 bands together have a level
             // of 0.1 %, so a deviation of 4.0 times this value is accepted. If the correlation that the window causes were ignored, the computed
-            // standard error would be only half of the real one.
+            // standard error would be only about half of the real one.
             assert!((spread / stated - 1.0).abs() < Z / (2.0 * (SEEDS - 1) as f64).sqrt(), "band {band}: {spread} against {stated}");
             // The mean over 64 seeds has a standard error that is 8 times smaller than that of a single field, so smaller biases are found.
             assert!((mean - 1.0).abs() < Z * stated / (SEEDS as f64).sqrt(), "band {band}: {mean}");
@@ -217,8 +217,8 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are equal except for a factor. The standard
-            // error is therefore at most sqrt(16) = 4 times larger than computed.
+            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are nearly equal except for a factor. The
+            // standard error is therefore at most sqrt(16) = 4 times larger than computed.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }

@@ -5,8 +5,7 @@
 //!
 //! mx and my are means, sx² and sy² variances, and sxy is the covariance. They are weighted by a Gaussian window of 11 x 11 pixels with sigma 1.5,
 //! whose weights have a sum of 1. K1 = 0.01, K2 = 0.03, and L = 1, because the encoded values lie in 0..=1. Windows that extend beyond the picture
-//! are excluded, as in the paper. The paper compares grey pictures. Here each colour channel is compared separately, and the results are averaged, as
-//! in scikit-image.
+//! are excluded. The paper compares grey pictures. Here each colour channel is compared separately, and the results are averaged, as in scikit-image.
 
 use super::area;
 
@@ -19,8 +18,8 @@ pub const K1: f64 = 0.01;
 /// Constant of the contrast and structure term, relative to the peak.
 pub const K2: f64 = 0.03;
 
-/// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the windows whose central pixel is
-/// compared. `None` if there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the border, or the
+/// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the three channels and over the
+/// windows that fit into the picture and whose central pixel the mask selects (no mask = every pixel). `None` if there is no such window, or if the
 /// lengths do not match the size.
 pub fn ssim(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: Option<&[bool]>) -> Option<f64> {
     let [width, height] = size.map(|side| side as usize);

@@ -3,10 +3,10 @@
 //! The option names are those of gfxdisp/ColorVideoVDP 0.5.7 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`). This tool
 //! reads the frames that a `%0Nd` pattern gives, from 0 to the frame before the first missing one. IntelLabs/cgvqm (commit 9872ccb) has no command
 //! line, so its function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. The function reads videos
-//! through PyAV. The commands therefore convert the frames to videos with the lossless codec FFV1, which preserves the RGB bytes exactly.
+//! through PyAV. The commands therefore convert the frames to videos with the lossless codec FFV1, which preserves RGB values of 8 bits exactly.
 
 /// Returns shell commands that compare the PNG frames `test_pattern` with the frames `reference_pattern`. Users should read the commands before they
-/// run them. Comments in the commands say what must be installed.
+/// run them. Comments in the commands say how the two metrics are installed. The second metric also needs `ffmpeg`.
 ///
 /// The patterns are those of printf, such as `frames/step-%04d.png`, with frames numbered from 0. `size` is width and height in pixels. ColorVideoVDP
 /// prints a quality in JOD; 10 = no difference. If two pictures differ by 1 JOD, 3 of 4 people prefer the better one. CGVQM prints a quality of

@@ -1,8 +1,8 @@
 //! The two windows of an OpenEXR file. They determine which pixels of the picture the file stores.
 //!
 //! Technical Introduction to OpenEXR, "Display window, data window": the display window is the picture that a viewer shows, and the data
-//! window is the rectangle for which there are pixels. The windows may overlap in any way. A viewer shows black where the file stores no
-//! pixel of the picture.
+//! window is the rectangle for which there are pixels. Each window may lie anywhere relative to the other. A viewer shows black where the
+//! file stores no pixel of the picture.
 
 use kernels::decode::openexr::Window;
 

@@ -1,4 +1,5 @@
-//! The checks of a run: whether the counted fetches are those that the flavours promise, and whether bias and variance agree with the theory.
+//! Three checks of a run: whether the counted fetches are those that the flavours promise, whether biases are explained by chance, and whether
+//! variances agree with the theory. `columns.rs` has the other checks.
 
 use kernels::variant::Flavour;
 use serde::Serialize;
@@ -27,8 +28,8 @@ impl Mark {
 /// A check: its result, and a sentence that describes it.
 pub(super) type Check = (Mark, String);
 
-/// The promised and the counted number of fetches of a flavour. The promise is the number of fetches that the estimator states for the
-/// flavour.
+/// The promised and the counted number of fetches of a flavour. The promise is the number that the estimator states for the flavour. With colour
+/// modulation, it is one more, but not for the virtual texture. For the far atlas, it is always the range 2 to 3.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
     /// The name of the flavour. If the run has several views, the name of the view follows.
@@ -45,9 +46,8 @@ pub(crate) struct GoldenRow {
 const COUNT_TOLERANCE: f64 = 0.01;
 
 impl GoldenRow {
-    /// Compares the counted fetches of a flavour with its promise. `modulated` = whether the scene has colour modulation. With colour
-    /// modulation, all flavours except the virtual texture take one additional fetch. For the far atlas, 2 to 3 fetches are accepted in
-    /// both cases.
+    /// Compares the counted fetches of a flavour with its promise. `promise`: the number that the estimator states. `modulated`: whether the scene
+    /// has colour modulation.
     pub(crate) fn of(name: String, flavour: Flavour, promise: u32, counted: f64, modulated: bool) -> GoldenRow {
         let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
         let (promised, low, high) = match flavour {
@@ -72,7 +72,7 @@ pub(super) fn promises(rows: &[GoldenRow]) -> Option<Check> {
 /// Limit of the number of rows that [`without_number`] names.
 const NAMED: usize = 4;
 
-/// Returns the end of the sentence of [`promises`]: the names of the rows whose count is NaN or infinite; empty if there are none.
+/// Returns the end of the sentence of [`promises`]. `names`: the rows whose count is NaN or infinite. The result is empty if there are none.
 fn without_number(names: &[&str]) -> String {
     if names.is_empty() {
         return String::new();
@@ -95,8 +95,8 @@ pub(super) struct Measured {
     pub(super) standard_error: Option<f64>,
     /// Degrees of freedom of the standard error; `None` = not known.
     pub(super) freedom: Option<f64>,
-    /// Probability that chance alone causes deviations as large as the measured ones, in a test that also finds deviations that cancel over the
-    /// picture; `None` = not measured.
+    /// The p-value of a second test, which also finds deviations that cancel over the picture: the probability that chance alone causes deviations at
+    /// least as large as the measured ones. `None` = not measured.
     pub(super) probability: Option<f64>,
 }
 
@@ -104,13 +104,13 @@ pub(super) struct Measured {
 struct Rule {
     /// Deviations up to this size are accepted even if they are certain, because they have a known cause.
     slack: fn(f64) -> f64,
-    /// If the smallest deviation that would be found is larger than this, the row cannot be judged.
+    /// If the smallest deviation that would be found is larger than this, and the row's own deviation is accepted, the row cannot be judged.
     useful: fn(f64) -> f64,
 }
 
 /// Largest bias that rounding can cause for albedos below 1/4, as linear albedo. Devices may round the values of the G-buffer to f16 towards 0. Over
-/// many pixels, the blend then loses half a step of f16 on average, and its materials lose between nothing and a whole step. So the two differ by up
-/// to half a step, which is 2^-14 for albedos from 1/8 to 1/4.
+/// many pixels, the blend then loses half a step of f16 on average, and its materials lose between nothing and a whole step. So the blend differs
+/// from its materials by up to half a step, which is 2^-14 for albedos from 1/8 to 1/4.
 pub(super) const ROUNDING: f64 = 1.0 / 16_384.0;
 
 const BIAS: Rule = Rule { slack: |_| ROUNDING, useful: |_| 0.05 };
@@ -250,8 +250,9 @@ fn following(follow: usize, why: &str) -> Option<String> {
     (follow > 0).then(|| format!("{follow} other random rows are compositions of these flavours, and {why}"))
 }
 
-/// Checks whether chance explains the biases. One test is for the mean over the picture, and one for biases that cancel over the picture. `follow` is
-/// the number of other rows that are compositions of the given rows. `None` if there are no rows.
+/// Checks whether chance and rounding explain the biases. Each row has a test of its mean over the picture. If it has a probability
+/// ([`Measured::probability`]), it also has a test of biases that cancel over the picture. `follow` is the number of other rows that are compositions
+/// of the given rows. `None` if there are no rows.
 pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check> {
     if rows.is_empty() {
         return None;
@@ -432,7 +433,8 @@ mod tests {
         because(Measured { standard_error: None, freedom: None, ..measured("bad", 0.0, 0.0) }, SEEDS, "its standard error is not known");
         because(Measured { freedom: None, ..measured("bad", 0.0, 1e-4) }, SEEDS, "the degrees of freedom");
         because(measured("bad", 0.0, 0.02), SEEDS, "only a deviation of");
-        // With one degree of freedom, as from two seeds and one area, the limit is hundreds of standard errors.
+        // With one degree of freedom, as from two seeds and one area, the limit is 637 standard errors if there is one test, and 1273 if there are
+        // two.
         because(Measured { freedom: Some(1.0), ..measured("bad", 0.0, 1e-4) }, 2, "only a deviation of");
         // A deviation that is far beyond its limit is found even if smaller ones would not be.
         assert_eq!(marked(&[measured("off", 0.2, 0.02)]), Some(Mark::Fails));

@@ -1,5 +1,5 @@
-//! The content of a report's tables: columns, cells, Pareto fronts, checks, and facts about the set-up. If a number is missing, its cell gives the
-//! reason.
+//! The content of a report: columns and cells of its table of choices, Pareto fronts, checks, and facts about the set-up. If a number is missing, its
+//! cell gives the reason.
 
 use std::collections::BTreeSet;
 
@@ -93,7 +93,8 @@ pub(super) fn columns(run: &RunData, table: &Table) -> (Vec<Column>, Vec<&'stati
     let (kept, dropped): (Vec<Column>, Vec<Column>) = COLUMNS
         .into_iter()
         .partition(|column| (0..table.summaries.len()).any(|index| matches!(cell(run, table, index, column.source), Cell::Value { .. })));
-    // The column of promised fetches is only useful next to the column of counted fetches.
+    // The column of promised fetches is only useful next to the column of counted fetches. If it is left out, the list of omitted columns does not
+    // contain it.
     let measured = kept.iter().any(|c| c.source == Source::Row(FETCHES));
     let kept = kept.into_iter().filter(|c| c.source != Source::Promised || measured).collect();
     (kept, dropped.into_iter().filter(|c| c.source != Source::Promised).map(|c| c.heading).collect())
@@ -220,7 +221,7 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
 /// The position of a row relative to a Pareto front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// A row on the front is better, or the cost or the error of this row was not measured.
+    /// The row is neither on the front nor as good as a row on the front, or its cost or its error is not known.
     #[default]
     Beaten,
     /// The row is not on the front, but it is as good as a row on the front within chance.
@@ -273,9 +274,9 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     fronts
 }
 
-/// Compares the counted fetches of single flavours with their promises. Returns one row for each pair of view and flavour. If several choices have
-/// this pair, a choice whose count disagrees with the promise takes precedence, and then the choice with the largest deviation. A count of NaN
-/// disagrees. Choices without a count are left out.
+/// Compares the counted fetches of single flavours with their promises, for choices with the estimator fc5. Returns one row for each pair of view and
+/// flavour. If several choices have this pair, a choice whose count disagrees with the promise takes precedence, and then the choice with the largest
+/// deviation. A count of NaN disagrees. Choices without a count are left out.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
@@ -285,10 +286,10 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
         .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
-    // If any flavour takes exactly one fetch more than promised, the scene is assumed to have colour modulation. Then all flavours are expected to
-    // take one additional fetch. The virtual texture is excepted from both rules.
+    // If a flavour other than the virtual texture takes one fetch more than promised, the scene is assumed to have colour modulation
+    // ([`GoldenRow::of`]).
     let is_one_more = |(s, flavour, promise): &&(&Summary, Flavour, u32)| {
-        *flavour != Flavour::VirtualTexture && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
+        !matches!(flavour, Flavour::VirtualTexture | Flavour::FarAtlas) && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
     };
     let modulated = flavours.iter().any(|f| is_one_more(&f));
     let mut rows: Vec<GoldenRow> = Vec::new();
@@ -322,7 +323,7 @@ pub(super) fn remarks(run: &RunData, table: &Table) -> Vec<String> {
 const OLDEST: f64 = 0.1;
 
 /// Says that the histories of the run are not filled when measuring begins; `None` if they are, or if there is no history. A history begins with the
-/// first frame, and each later frame leaves 1 - [`SHARE`] of it.
+/// first frame, and each later frame multiplies the weight of earlier frames by 1 - [`SHARE`].
 fn short_history(definition: &Definition) -> Option<String> {
     let resolves = definition.temporal.iter().filter(|name| name.parse::<Resolve>().is_ok_and(Resolve::has_history));
     let resolves: Vec<&str> = resolves.map(String::as_str).collect();
@@ -361,7 +362,7 @@ fn short_memory(run: &RunData, table: &Table) -> Option<String> {
 /// larger, the check is unclear.
 const MOST_HIDDEN: f64 = 0.5;
 
-/// Checks that, in every view, most terrain pixels have a link to the previous frame; `None` if no frames were compared.
+/// Checks that, in every view, at least half of the terrain pixels have a link to the previous frame; `None` if no frames were compared.
 fn followed(table: &Table) -> Option<Check> {
     let share = |view: &str| {
         let hidden = table.of_view(view).into_iter().map(|i| table.summaries[i].value(DISOCCLUDED)).filter(|hidden| hidden.is_finite());
@@ -441,8 +442,8 @@ fn place_of_reference(table: &Table, reference: &ReferenceFacts) -> String {
     format!("{}{setting}, {}", reference.view, reference.signal.name())
 }
 
-/// Checks that the colours of all pixels are finite; `None` if pixels without a finite colour were not counted for any choice or reference. Such
-/// pixels are in no other metric, so the other metrics of a choice that has some do not describe its whole picture.
+/// Checks that the colours of all terrain pixels are finite; `None` if no choice and no reference has a count of pixels without a finite colour.
+/// Metrics of colours leave such pixels out, so they do not describe the whole picture of a choice that has some.
 fn invalid(table: &Table) -> Option<Check> {
     let mut counts: Vec<(String, f64)> = Vec::new();
     for reference in &table.references {
@@ -467,7 +468,7 @@ fn invalid(table: &Table) -> Option<Check> {
     Some((
         Mark::Fails,
         format!(
-            "{} {pictures} terrain pixels whose colour is not finite, which are left out of all metrics: {}",
+            "{} {pictures} terrain pixels whose colour is not finite, which are left out of all metrics of colours: {}",
             found.len(),
             some_of(&found, found.len())
         ),
@@ -495,7 +496,8 @@ fn some_of(items: &[String], count: usize) -> String {
     items[..shown].join("; ") + &rest
 }
 
-/// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash and a note that says so.
+/// Returns the names and values of facts about the set-up. If the manifest lacks one, its value is a dash and a note that says so, or the fact is
+/// left out.
 pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)> {
     let definition = &run.definition;
     let recorded = |key: &str| run.recorded(key).unwrap_or_else(|| "\u{2013} (not recorded in manifest.json)".to_owned());
@@ -556,8 +558,8 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     facts
 }
 
-/// Describes the measured signals: their names, the signal that the report shows, the display settings of the lit picture, and the viewing conditions
-/// of the perceived noise.
+/// Describes the measured signals: their names and, where they matter, the signal that the report shows, the display settings of the lit picture, and
+/// the viewing conditions of the perceived noise.
 fn signals(run: &RunData, table: &Table) -> String {
     let names: Vec<&str> = table.signals.iter().map(|signal| signal.name()).collect();
     let mut text = names.join(", ");

@@ -410,7 +410,7 @@ pub(super) fn one(folder: &Path) -> RunData {
     run(definition("frames = 1\nvariants = [\"auto\"]\nviews = [\"cliff\"]"), rows, folder)
 }
 
-/// Writes the pictures of a run, which are grey ramps with noise.
+/// Writes the pictures of a run, which are ramps of colour with noise.
 pub(super) fn pictures(folder: &Path, size: [u32; 2], kinds: &[(&str, u32)]) {
     let into = folder.join("pictures");
     fs::create_dir_all(&into).expect("writable");

@@ -131,8 +131,8 @@ pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool
     html + "</tr></thead>\n"
 }
 
-/// Returns a table cell. It contains the displayed number, the unrounded value for the sorting script, and the tooltip `hint`, which is text. If the
-/// value is NaN, the cell shows a dash, and `hint` should give the reason.
+/// Returns a table cell. It contains the displayed number `shown`, which is HTML, the unrounded value for the sorting script, and the tooltip `hint`,
+/// which is text. If the value is NaN, the cell shows a dash, and `hint` should give the reason.
 pub(super) fn cell(value: f64, shown: &str, hint: &str) -> String {
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
     match value {

@@ -10,7 +10,7 @@ use crate::{expectations, store};
 /// Reads everything that a report needs.
 ///
 /// # Errors
-/// The folder contains no run, one of its files is damaged, or its shards do not belong together.
+/// The folder contains no run, one of its files cannot be read or is damaged, or its shards do not belong together.
 pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
     of(store::read_run(folder)?)
 }

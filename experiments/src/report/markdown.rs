@@ -127,7 +127,7 @@ fn choices(run: &RunData, table: &Table) -> (String, usize) {
     (text, rows.len())
 }
 
-/// Escapes text for Markdown and HTML, and joins its lines.
+/// Escapes characters that have a meaning in Markdown or HTML, and separates words by single spaces, so that the text is one line.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.split_whitespace().collect::<Vec<_>>().join(" ").chars() {

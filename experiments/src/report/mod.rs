@@ -1,4 +1,5 @@
-//! Reports of experiment runs. All their numbers come from the rows of the run.
+//! Reports of experiment runs, and of the stability lab ([`stability`]). The numbers in the report of a run are values of its rows, or are computed
+//! from them.
 //!
 //! In the reports, a *choice* is one combination of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
@@ -42,14 +43,14 @@ pub(crate) use load::{judge, of, read_run};
 pub(crate) struct RunData {
     /// The definition that was run.
     pub(crate) definition: Definition,
-    /// Entries of the run's manifest: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`,
-    /// `shard`, `without_anisotropy`.
+    /// The run's manifest. Reports use its entries `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false),
+    /// `definition_hash`, `shard` and `without_anisotropy`.
     pub(crate) manifest: serde_json::Value,
     /// The rows of all metrics except device times.
     pub(crate) rows: Vec<Row>,
     /// The rows of device times and their ratios. Their metrics have names of the form `gpu_ms:PASS` and `gpu_ratio:PASS`.
     pub(crate) times: Vec<Row>,
-    /// The run's folder, which holds the pictures and receives the report.
+    /// The run's folder, or the folder that holds the folders of its shards. The report is written into it.
     pub(crate) folder: PathBuf,
     /// Descriptions of the parts and files that the run still lacks, one in each entry.
     pub(crate) missing: Vec<String>,
@@ -85,7 +86,7 @@ pub(crate) struct Written {
 /// Writes `report.html` and `report.md` into the run's folder.
 ///
 /// # Errors
-/// There is no row, or a file cannot be written.
+/// There is no row of a metric, a plot cannot be drawn, or a file cannot be written.
 pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> {
     ensure!(!run.rows.is_empty(), "{} has no metrics yet: finish the run with --resume", run.folder.display());
     let table = summary::Table::of(run);

@@ -2,9 +2,9 @@
 
 use crate::significance::{self, limit};
 
-/// The significance level of each plot and each sentence of a report: the probability that chance alone causes at least one wrong statement. Such a
-/// statement puts a choice of the plot on the Pareto front, or says that a value of the sentence differs from the best one. (The level of the checks
-/// is smaller: [`significance::LEVEL`].)
+/// The significance level of a Pareto front, and of a ranking in a sentence: the accepted probability that chance alone causes at least one wrong
+/// statement. A wrong statement puts a choice on the front that does not belong there, or says that a value of the ranking differs from the best one.
+/// (The level of the checks is smaller: [`significance::LEVEL`].)
 pub(super) const LEVEL: f64 = 0.05;
 
 /// A measured value with its standard error.
@@ -92,9 +92,9 @@ pub(super) fn number(value: f64) -> String {
     if fixed.contains('.') && !fixed.contains('e') { fixed.trim_end_matches('0').trim_end_matches('.').to_owned() } else { fixed }
 }
 
-/// Formats a value with three significant digits and with trailing zeros, for columns of tables. Values from 1000 to a million keep all digits before
-/// the decimal point. Larger values have a power of ten. Values closer to 0 than 0.0001 have two significant digits and a power of ten, so that only
-/// the value 0 is written as 0.
+/// Formats a value with three significant digits and with trailing zeros, for columns of tables. Values from 1000 on keep all digits before the
+/// decimal point, but values of a million or more have a power of ten. Values closer to 0 than 0.0001 have two significant digits and a power of ten,
+/// so that only the value 0 is written as 0. These limits apply to the value after it is rounded to three digits: 999 600 is written as 1.00e6.
 pub(super) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
@@ -138,8 +138,8 @@ pub(super) struct Place {
 pub(super) struct Front {
     /// Indices of the points on the front, by increasing cost.
     pub(super) points: Vec<usize>,
-    /// For each point on the front, the points off the front that are as good within chance: chance explains both their higher cost and their
-    /// larger error. A point that is as good as several points on the front is listed for the one whose error is closest to its error.
+    /// For each point on the front, the points off the front that are as good within chance: if such a point has a higher cost or a larger error,
+    /// chance explains this. A point that is as good as several points on the front is listed for the one whose error is closest to its error.
     pub(super) alike: Vec<Vec<usize>>,
 }
 
@@ -159,12 +159,12 @@ impl Front {
 ///
 /// 1. Points are taken by increasing cost, and points of equal cost by increasing error. A point joins the front if its error is smaller than that of
 ///    every point that joined before it ([`Estimate::is_above`]).
-/// 2. A point leaves the front if chance explains the higher cost of a point that joined later. The later point has the smaller error, so it is
-///    better.
+/// 2. A point leaves the front if chance explains the higher cost of a point that joined later and stays. The later point has the smaller error, so
+///    it is better.
 ///
 /// The first step makes one decision for each point but the cheapest one. If costs have standard errors, the second step makes the same number of
-/// decisions. The level of each decision follows from the number of all decisions: with a probability of at most [`LEVEL`], chance alone puts a point
-/// on the front that does not belong there. Points whose cost or error is not finite are left out.
+/// decisions. The level of each decision follows from the number of all decisions, so that chance alone puts a wrong point on the front with a
+/// probability of about [`LEVEL`] or less. Points whose cost or error is not finite are left out.
 pub(super) fn pareto_front(points: &[Place]) -> Front {
     let finite = |i: &usize| points[*i].cost.value.is_finite() && points[*i].error.value.is_finite();
     let mut order: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -200,7 +200,7 @@ pub(super) fn pareto_front(points: &[Place]) -> Front {
 
 /// Compares two times as a statement about speed, such as "4.20 ± 0.10 times as fast as". `time` belongs to the subject of the sentence, and `other`
 /// to the choice with which it is compared. The interval assumes that the times are independent. It is too wide if both times are ratios to the same
-/// third time. If it contains 1, the statement is "as fast within chance". `None` if a time is missing.
+/// third time. If it contains 1, the statement is "as fast within chance". `None` if a time is missing or not above 0.
 pub(super) fn speed(time: Estimate, other: Estimate) -> Option<String> {
     if !(time.value > 0.0 && other.value > 0.0 && (other.value / time.value).is_finite()) {
         return None;

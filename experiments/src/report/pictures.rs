@@ -18,7 +18,7 @@ const WIDTH: u32 = 480;
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
 
-/// The kinds of pictures in the order in which they are shown, with their headings.
+/// The known kinds of pictures in the order in which they are shown, with their headings. Other kinds come after these.
 const KINDS: [(&str, &str); 5] = [
     ("reference", "References"),
     ("frame", "Frames"),
@@ -43,8 +43,8 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
             kinds.push((&picture.kind, if picture.kind.is_empty() { "Others" } else { &picture.kind }));
         }
     }
-    // Pictures are added in turns, one of each kind per turn. If there is no room for all, the last pictures of each kind are missing, and not a
-    // whole kind.
+    // Pictures are added in turns, one of each kind per turn. If there is no room for all, the last pictures of several kinds are usually missing,
+    // and not a whole kind.
     let of_kind = |kind: &str| pictures.iter().filter(|p| p.kind == kind).collect::<Vec<_>>();
     let queues: Vec<Vec<&RunPicture>> = kinds.iter().map(|(kind, _)| of_kind(kind)).collect();
     let longest = queues.iter().map(Vec::len).max().unwrap_or(0);

@@ -19,7 +19,7 @@ use crate::significance::{detectable, limit, sidak};
 
 /// Number of seeds of the run, from which bias and variance are measured.
 const SEEDS: u32 = 8;
-/// The predicted variance in runs with a fault. It is a power of two, so multiplying it by a factor causes no rounding error.
+/// The predicted variance in runs with a fault of the variance. It is a power of two, so multiplying it by a factor causes no rounding error.
 const PREDICTED: f64 = 1.0 / 512.0;
 
 /// Changes a sound run so that it has a fault of a given size.
@@ -42,7 +42,7 @@ struct Fault {
 /// The checks that have nothing to report about a sound run.
 const ONLY_FAULTS: [&str; 2] = ["numbers", "doubles"];
 
-/// Returns a run that contains the data for every check and passes all checks.
+/// Returns a run that contains the data for every check. No check finds a fault in it.
 fn sound(folder: &Folder) -> RunData {
     let mut run = fake::variants(folder.path(), &["cliff"], &["hashed"]);
     assert_eq!(run.definition.seeds, SEEDS);
@@ -61,8 +61,8 @@ fn results(run: &RunData) -> BTreeMap<&'static str, Option<Mark>> {
     named_checks(run, &Table::of(run), &judge(run)).into_iter().map(|(name, check)| (name, check.map(|(mark, _)| mark))).collect()
 }
 
-/// Returns the row of a metric and a variant that a fault changes: the row over all frames or, if there is none, the row of the earliest frame. If
-/// the metric has rows for both signals, it is that of albedo.
+/// Returns the row that a fault changes: the row of this metric and variant over all frames or, if there is none, that of the earliest frame. If
+/// there are rows for both signals, it is the row of albedo. Rows with a lag are left out.
 fn row<'a>(run: &'a mut RunData, metric: &str, variant: &str) -> &'a mut Row {
     let found = run.rows.iter_mut().filter(|row| row.metric == metric && row.variant == variant && row.lag.is_none());
     found.min_by_key(|row| row.frame).expect("every choice has this metric")
@@ -83,8 +83,8 @@ fn faults() -> Vec<Fault> {
     add("expectations", "a value above its range", [4.0, 4.0f64.next_up()], Fails, Box::new(clumping));
     add("expectations", "a value below its range", [2.0, 2.0f64.next_down()], Fails, Box::new(clumping));
     add("expectations", "a value of NaN", [3.0, f64::NAN], Fails, Box::new(clumping));
-    // The smallest RMSE is 0.001. The standard error of the reference may be at most a tenth of it: 0.0001 passes, and the next larger f64 number
-    // fails.
+    // The fault sets the smallest RMSE to 0.001. The standard error of the reference may be at most a tenth of this RMSE: 0.0001 passes, and the next
+    // larger f64 number fails.
     let tenth: f64 = 0.1 * 0.001;
     let reference = |run: &mut RunData, error: f64| {
         row(run, "rmse", "auto").value = 0.001;
@@ -192,7 +192,7 @@ fn faults() -> Vec<Fault> {
     add("numbers", "a value of NaN", [0.5, f64::NAN], Fails, Box::new(number));
     let time = |run: &mut RunData, value: f64| run.times[0].value = value;
     add("numbers", "a time of NaN", [0.5, f64::NAN], Fails, Box::new(time));
-    // No value may be given by more than one row. The size of this fault is the number of copies of the row that are added.
+    // No value may be given by more than one row. The size of this fault is the number of copies of the row that are added, with another value.
     type IsOfKind = fn(&Row) -> bool;
     let kinds: [(&str, IsOfKind); 8] = [
         ("over all frames", |row| row.metric == "rmse" && row.frame.is_none()),

@@ -12,8 +12,8 @@ use super::summary::{ADDED, CLUMPING, FLIP, FLIPS, Key, KeyOf, LOST, Metric, Num
 use super::{RunData, Verdict, pictures};
 use crate::metrics::SHARED_PASSES;
 
-/// Limit of the size of a page, bytes. It determines how much space is left for pictures after all other sections. A page should be small enough to
-/// be mailed: mail servers refuse attachments that are a few times larger than this limit.
+/// Approximate limit of the size of a page, bytes. It determines how much space is left for pictures after the other sections. A page should be small
+/// enough to be mailed: many mail servers refuse attachments that are a few times larger than this limit.
 const PAGE_BYTES: usize = 8 << 20;
 /// Limit of the number of curves in one plot. A reader could not distinguish more curves.
 const CURVES: usize = COLOURS.len();
@@ -180,7 +180,7 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
 }
 
 /// Returns Python code that reads the numbers of a section from the files of the run. In this code, the variable `whole` is a table with the numbers
-/// that the report uses: one row for each choice, signal, metric, lag and frequency.
+/// that the report uses, apart from times: one row for each choice, signal, metric, lag and frequency.
 fn query(lines: &[&str]) -> String {
     const WHOLE: [&str; 7] = [
         "import pandas as pd",
@@ -547,7 +547,7 @@ impl CloseUp {
 
 /// Returns at most four close-ups of variants that use random numbers: automatic choices, variants that are forced with the generic kernel, and
 /// single flavours. If the view has none of these, the variants with the fewest flavours are taken. If a variant has more choices than one plot can
-/// show, it gets one close-up for each temporal resolve.
+/// show, and the run has several temporal resolves, the variant gets one close-up for each resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
     let rows = table.of_view(view);
@@ -577,7 +577,7 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Returns a close-up plot that shows at most [`CURVES`] of the rows, each in its own colour. `resolved`: see [`CloseUp::resolved`].
+/// Returns a close-up that shows at most [`CURVES`] of the rows, each in its own colour. `resolved`: see [`CloseUp::resolved`].
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);

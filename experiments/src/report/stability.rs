@@ -1,5 +1,5 @@
-//! The report of the stability lab. It gives the largest error of each kernel, and lists the arguments for which kernels deviate from their formulas,
-//! with the resulting errors. It also lists the measured errors of stored directions, and the measured properties of noise.
+//! The report of the stability lab. It gives the largest errors of each kernel, and lists the arguments for which kernels deviate from their
+//! formulas, with the resulting errors. It also lists the measured errors of stored directions, and the measured properties of noise.
 
 use std::fmt::Write as _;
 
@@ -106,7 +106,7 @@ impl<'a> Group<'a> {
         format!("{} {} at {}", number(worst.worst), worst.unit, place(worst.value))
     }
 
-    /// Returns the largest error on a device as a percentage of the derived tolerance.
+    /// Returns the largest error on a device relative to its derived tolerance, percent.
     fn of_tolerance(&self) -> f64 {
         100.0 * self.on_gpu().map(|finding| finding.of_tolerance).fold(0.0, f64::max)
     }
@@ -135,8 +135,8 @@ impl<'a> Group<'a> {
             title: &title,
             x_title: &self.first.parameter,
             y_title: &y_title,
-            // The horizontal axis is logarithmic if the values span more than two decades. A logarithmic axis cannot show values of 0 or less, so
-            // they are omitted.
+            // The horizontal axis is logarithmic if the positive values span more than two decades. A logarithmic axis cannot show values of 0 or
+            // less, so they are omitted.
             x_logarithmic: high > 100.0 * low,
             y_logarithmic: true,
             ..Lines::default()
@@ -243,7 +243,7 @@ fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     }
 }
 
-/// Returns the table of measures whose results differ between devices.
+/// Returns the table of measures whose largest errors, or whose numbers of rows on the other side of a threshold, differ between devices.
 fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut rows = Vec::new();
     let mut alike = 0;
@@ -280,7 +280,7 @@ fn of_rows(title: &'static str, note: String, rows: &[Row]) -> Table {
     Table { title, note, columns: columns(&["what", "statistic", "value", "allowed range", ""]), rows: rows.iter().map(row).collect() }
 }
 
-/// Returns the table of tests of hashes and noise. It contains all failures, and the tests with the smallest p-values.
+/// Returns the table of tests of hashes and noise. It contains all failures. If there are few, it also contains the tests with the smallest p-values.
 fn of_noise(rows: &[Row]) -> Table {
     let tests = rows.iter().filter(|row| row.is_test()).count();
     let level = rows.iter().find(|row| row.is_test()).map_or(0.0, |row| row.low);

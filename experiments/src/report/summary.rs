@@ -147,7 +147,7 @@ impl Metric {
         Metric { of: Of::Given(signal), ..self }
     }
 
-    /// Whether the metric is a number of fetches. Such a number has no sampling error, although it differs from frame to frame.
+    /// Whether the metric is a number of fetches. Such a number counts as exact, although it may differ from frame to frame.
     fn is_exact(self) -> bool {
         self == FETCHES || self == TILE_FETCHES
     }
@@ -262,8 +262,8 @@ impl Summary {
         Estimate { error: self.error(metric).unwrap_or(unknown), freedom, ..Estimate::exact(self.value(metric)) }
     }
 
-    /// Whether a metric needs several frames, and its value over all frames has no known standard error. This is so for percentiles, and if only one
-    /// frame, or one pair of frames, was measured. It is then unknown how much the value scatters.
+    /// Whether a metric needs several frames, and its value over all frames has no known standard error. This is so for percentiles, for example, and
+    /// if only one frame, or one pair of frames, was measured. It is then unknown how much the value scatters.
     pub(super) fn is_doubtful(&self, metric: Metric) -> bool {
         let of_frames = metrics::find(metric.name).is_some_and(|m| m.needs == Needs::Frames);
         let number = self.number(metric).filter(|number| of_frames && number.frames == Frames::All);
@@ -317,7 +317,8 @@ pub(super) struct ReferenceFacts {
     /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
     /// passes through the same resolve.
     pub(super) differences: BTreeMap<String, f64>,
-    /// Number of pixels without a finite colour in the reference sequence, summed over the measured frames; NaN = they were not counted.
+    /// Number of terrain pixels without a finite colour in the reference sequence, over all measured frames; NaN = they were not counted. If there
+    /// are several sequences, it is the largest of their numbers.
     pub(super) invalid: f64,
 }
 
@@ -448,9 +449,10 @@ fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
-/// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Such rows are those of `clumping`, of spectra and of
-/// times, and in tables of earlier versions those of metrics over frames. If the runner computes the standard error from the scatter of several
-/// values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame or seed had a value.
+/// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Examples are rows of `clumping`, of spectra and of
+/// times. In tables of earlier versions, rows of metrics over frames do not give them, either. If the runner computes the standard error from the
+/// scatter of several values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame or
+/// seed had a value.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
     let sequence = definition.sequence();
     let values = match metrics::find(metric).map(|metric| metric.needs) {
@@ -547,9 +549,9 @@ impl Table {
         };
         let parameter = summaries.iter().map(|s| &s.key.parameter).find(|p| !p.is_empty()).cloned().unwrap_or_default();
         let measured = |metric: Metric| summaries.iter().any(|s| s.value(metric).is_finite());
-        // The cost of a choice is its counted fetches. They do not depend on the tiles, because each pixel counts only the fetches that it
-        // takes itself. If the run varies the tiles, the cost is therefore the promised fetches of the tiles' variants. These are also the
-        // cost if fetches were not counted.
+        // The cost of a choice is its counted fetches. They do not depend on the tiles, because each pixel counts only the fetches that it takes
+        // itself. Two kinds of runs use the promised fetches of the tiles' variants instead, if these were measured: runs that vary the tiles, and
+        // runs in which fetches were not counted.
         let by_tile = parameter == "frame.tile" || parameter == "frame.classification" || !measured(FETCHES);
         let mut table = Table {
             references: Vec::new(),
@@ -690,8 +692,8 @@ impl Table {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Returns the number of choices among `rows` whose shading time is unstable, and the number of timed choices. Times that were measured in
-    /// other rounds than that of the base are counted in neither number ([`Shading::is_interleaved`]).
+    /// Returns the number of choices among `rows` whose shading time is unstable, and the number of timed choices. Neither number includes times that
+    /// were measured in other rounds than the time of the base ([`Shading::is_interleaved`]).
     pub(super) fn unstable(&self, rows: &[usize]) -> (usize, usize) {
         let timed: Vec<Shading> = rows.iter().filter_map(|&i| self.shading(i)).filter(|shading| shading.is_interleaved).collect();
         (timed.iter().filter(|shading| shading.is_unstable()).count(), timed.len())
@@ -702,7 +704,7 @@ impl Table {
         self.summaries[index].value(SHADING_MS)
     }
 
-    /// Returns the names of all metrics of the run, except device times and their ratios.
+    /// Returns the names of the metrics of choices, except device times and their ratios, and except spectra.
     pub(super) fn metric_names(&self) -> Vec<String> {
         let mut names: Vec<String> =
             self.summaries.iter().flat_map(Summary::names).filter(|n| !metrics::is_time(n)).map(str::to_owned).collect();
@@ -717,8 +719,8 @@ fn setting_text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// Sorts the summaries by view, variant, estimator, noise, temporal resolve and setting. Each column has the order of the definition. Values that the
-/// definition does not contain come last.
+/// Sorts the summaries by experiment, view, variant, estimator, noise, temporal resolve and setting. The values of all columns but the first have the
+/// order of the definition. Values that the definition does not contain come last.
 fn sort(summaries: &mut [Summary], run: &RunData) {
     let definition = &run.definition;
     let views: Vec<&String> = definition.views.iter().chain(definition.moving_views.iter().map(|v| &v.name)).collect();

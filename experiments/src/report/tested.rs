@@ -1,5 +1,5 @@
-//! Selects the choices whose bias and variance are tested, and describes the biases of those that are biased by design. A *choice* is one combination
-//! of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
+//! Selects the choices whose bias and variance are tested, and describes the biases of estimators that are biased by design. A *choice* is one
+//! combination of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
 //!
 //! A composition of flavours is a weighted sum of their pictures, with weights that do not depend on the seed. The results for compositions therefore
 //! follow from tests of their flavours. Testing the compositions, too, would add tests to the family and thereby only make each test less sensitive.
@@ -22,9 +22,9 @@ struct Tested<'a> {
 }
 
 impl<'a> Tested<'a> {
-    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. A choice
-    /// that is not itself a single flavour with its specialised pipeline is left out, and counted in `follow`, if each of its random flavours is
-    /// tested alone in this way, with the same values of all columns but the variant.
+    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. Of these
+    /// choices, those whose results follow from others are not tested, but counted in `follow`. A choice follows if it is not itself a single flavour
+    /// with its specialised pipeline, and each of its random flavours is such a tested choice, with the same values in all columns but the variant.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries
@@ -102,8 +102,8 @@ pub(super) fn variances(table: &Table) -> (Vec<Measured>, usize) {
     (members.iter().map(measured).collect(), follow)
 }
 
-/// Describes the largest bias of each estimator that is biased by design, with its 95 % interval and the reason. `None` if there is no such
-/// estimator.
+/// Describes the largest bias of each estimator that is biased by design, with its 95 % interval, if it is known, and the reason. `None` if there is
+/// no such estimator.
 pub(super) fn by_design(table: &Table) -> Option<String> {
     let mut largest: Vec<(Estimator, &'static str, &Summary)> = Vec::new();
     for summary in table.summaries.iter().filter(|summary| summary.value(BIAS).is_finite()) {

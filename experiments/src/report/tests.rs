@@ -1,4 +1,4 @@
-//! Tests of whole reports. Reports of all kinds of runs must be consistent, and each displayed number must be in the rows.
+//! Tests of whole reports. Reports of several kinds of runs must be consistent, and the numbers in their tables and plots must be in the rows.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -44,7 +44,7 @@ fn text(run: &RunData, verdicts: &[Verdict]) -> String {
     markdown::text(run, &table, verdicts, &verdict::verdict(&table))
 }
 
-/// Returns the attributes and the content of each element with this name.
+/// Returns the attributes and the content of each element with this name. Elements without attributes are left out.
 fn elements<'a>(html: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
     let (open, close) = (format!("<{name} "), format!("</{name}>"));
     let parts = html.split(&open[..]).skip(1);
@@ -208,8 +208,8 @@ fn the_text_is_cut_to_fronts_and_single_variants() {
     let (variants, plain) = (Folder::new("cut"), Folder::new("cut-plain"));
     let all = text(&fake::variants(variants.path(), &["cliff"], &NOISES), &[]);
     let choices = all.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count() - 2;
-    // There are 42 rows that must be in the table: two automatic choices and five flavours, each with six noises. Choices on a front are in the
-    // table, too.
+    // There are 42 rows that must be in the table: `auto`, `generic` and the five single flavours, each with six noises. Choices on a front are in
+    // the table, too.
     assert!((42..90).contains(&choices), "{choices}");
     assert!(all.contains(&format!("The table shows {choices} of 198 choices")), "{all}");
     assert!(!all.contains("| vt+near-cliff+far-cliff+splat |"));
@@ -443,7 +443,7 @@ fn every_mark_can_be_red() {
     assert_eq!(with(&invalid), [Passes, Passes, Passes, Passes, Fails, Passes]);
     let mut with_invalid = good.clone();
     invalid(&mut with_invalid);
-    let words = "1 sequence has terrain pixels whose colour is not finite, which are left out of all metrics: vt+splat, lit: 17";
+    let words = "1 sequence has terrain pixels whose colour is not finite, which are left out of all metrics of colours: vt+splat, lit: 17";
     assert!(html(&with_invalid, &[]).contains(&format!("<li class=\"bad\">{words}</li>")));
     // The check of the references also fails if their accuracy is unknown.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));

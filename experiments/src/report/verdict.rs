@@ -1,12 +1,12 @@
-//! Answers the question of a run. The first line is one sentence that answers it, with the numbers that decide it and their intervals. A line with
-//! details follows for each of at most three views. All lines are built from the numbers of the run; their form depends on which column varies.
+//! Answers the question of a run. The first line is one sentence that answers it, with the numbers that decide it and their intervals. Lines with
+//! details follow for at most three views, one for each. All lines are built from the numbers of the run; their form depends on which column varies.
 
 use std::cmp::Ordering;
 
 use super::numbers::{Estimate, Front, level_of_each, level_of_ranking, number, speed, with_interval};
 use super::summary::{ADDED, CLUMPING, FETCHES, FLIPS, LOST, Metric, PERCEIVED, REJECTIONS, Summary, TILE_FETCHES, Table};
 
-/// Limits of the number of items in a list: for a run with one view, and for a run with several views.
+/// Limits of the number of items in a list. The smaller one applies, for example, to the fronts in the details of runs with several views.
 const LISTED: usize = 5;
 const LISTED_OF_VIEWS: usize = 3;
 /// Relative differences that are smaller than this count as no difference.
@@ -16,7 +16,7 @@ const VIEWS: usize = 3;
 /// Limit of the number of disadvantages that the sentence about a parameter names.
 const DRAWBACKS: usize = 2;
 
-/// The form of the answer. It is named after the column whose values the answer compares. `One`: nothing is compared.
+/// The form of the answer. Each form is named after the column whose values the answer compares. `One`: nothing is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     Parameter,
@@ -29,7 +29,7 @@ enum Shape {
 
 impl Shape {
     /// Selects the form of the answer. If several columns vary, a varied parameter has priority, because its effect is the question of the run.
-    /// Temporal resolves, estimators, variants and noises follow in this order.
+    /// Temporal resolves, estimators, variants and noises follow in this order, but noises may come before variants (see below).
     fn of(table: &Table) -> Shape {
         let costs = table.noises.len() <= 1 || table.summaries.iter().any(|s| s.value(table.cost).is_finite());
         match table {
@@ -45,7 +45,7 @@ impl Shape {
     }
 }
 
-/// The answer for one view.
+/// The answer for one view. The first line of the verdict has the sentence for one view, the *leading* view, and short forms for others.
 struct Told {
     /// The answer in a few words, such as the name of a noise. Views with the same words have the same answer.
     answer: String,
@@ -53,9 +53,9 @@ struct Told {
     sure: bool,
     /// The answer as a sentence, without the name of the view.
     sentence: String,
-    /// The deciding numbers. They are given for a view whose answer is the same as that of the view that the first line describes.
+    /// The deciding numbers. The first line gives them for another view that has the same answer as the leading view.
     numbers: String,
-    /// The answer as a short clause. It is given for a view whose answer differs from that of the view that the first line describes.
+    /// The answer as a short clause. The first line gives it for another view that has a different answer.
     otherwise: String,
 }
 
@@ -90,8 +90,8 @@ fn sentence(table: &Table, text: &str) -> String {
     }
 }
 
-/// Returns the sentence that answers the question. It gives the answer for the first view whose data decide the question, and says for the other
-/// views whether their answer is the same.
+/// Returns the sentence that answers the question. It gives the answer for the first view whose data decide the question; if there is none, for the
+/// first view. For up to two other views, it says whether their answer is the same. The rest are only counted.
 fn first_line(table: &Table, told: &[(&String, Told)]) -> String {
     let lead = told.iter().position(|(_, told)| told.sure).unwrap_or(0);
     let (view, first) = &told[lead];
@@ -201,7 +201,7 @@ fn on(summary: &Summary) -> String {
 }
 
 /// Returns cost, error, added and lost change of choices as text. Values that are not known are omitted. Cost and error are those of the first
-/// choice. Changes that differ between the choices are given as a range.
+/// choice. Changes that differ between the choices by [`SMALL`] or more are given as a range.
 fn price(table: &Table, choices: &[&Summary]) -> String {
     let Some(first) = choices.first() else { return String::new() };
     let mut parts: Vec<String> = Vec::new();
@@ -219,8 +219,7 @@ fn price(table: &Table, choices: &[&Summary]) -> String {
     parts.join(", ")
 }
 
-/// Returns the flip rate and the clumping of a choice as text. Fewer flips often cause more clumping, so a sentence that gives one of them also gives
-/// the other.
+/// Returns the flip rate and the clumping of a choice as text. Fewer flips often come with more clumping, so the two numbers are given together.
 fn flips_and_clumping(summary: &Summary) -> String {
     let said = |metric: Metric| {
         if summary.value(metric).is_nan() { format!("{} not measured", metric.words) } else { say(summary, metric) }
@@ -271,7 +270,8 @@ fn halves(a: &Summary, b: &Summary, metric: Metric) -> f64 {
     [a, b].iter().filter_map(|summary| summary.half(metric)).sum()
 }
 
-/// Whether the values of a metric of two choices differ by less than [`SMALL`] for all true values in their confidence intervals.
+/// Whether the values of a metric of two choices differ by less than [`SMALL`] for all true values in their confidence intervals. If a standard error
+/// should exist but is not known ([`Summary::is_doubtful`]), only equal values are close.
 fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
     let [one, other] = [a, b].map(|summary| summary.value(metric));
     let is_known = one == other || ![a, b].iter().any(|summary| summary.is_doubtful(metric));
@@ -333,7 +333,7 @@ fn is_usable(table: &Table, metric: Metric) -> bool {
     metric != PERCEIVED || table.is_memory_filled
 }
 
-/// Returns the rows that have a finite value of a metric; none if answers may not use the metric ([`is_usable`]).
+/// Returns the rows that have a finite value of a metric; empty if answers may not use the metric ([`is_usable`]).
 fn known(table: &Table, rows: &[usize], metric: Metric) -> Vec<usize> {
     if !is_usable(table, metric) {
         return Vec::new();
@@ -380,7 +380,7 @@ fn ranking(table: &Table, rows: &[usize], metric: Metric, tried: usize) -> Optio
 
 // ---- Noises. ----
 
-/// Returns the rows that differ from the subject ([`subject`]) only in their noise.
+/// Returns the subject ([`subject`]) and the rows that differ from it only in their noise.
 fn rows_of_noises(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.setting)
@@ -501,7 +501,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
 
 // ---- A parameter. ----
 
-/// Returns the rows that differ from the subject ([`subject`]) only in the value of the parameter.
+/// Returns the subject ([`subject`]) and the rows that differ from it only in the value of the parameter.
 fn rows_of_parameter(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.noise)
@@ -509,7 +509,8 @@ fn rows_of_parameter(table: &Table, rows: &[usize]) -> Vec<usize> {
     })
 }
 
-/// Returns the number of compared values and the name of the parameter as text. If variants or noises vary, too, the text names those of the rows.
+/// Returns the number of compared values and the name of the parameter as text. If variants or noises vary, too, the text also names the variant and
+/// the noise of the rows.
 fn values_of(table: &Table, rows: &[usize]) -> String {
     let first = rows.first().map(|&i| &table.summaries[i].key);
     let several = table.variants.len() > 1 || table.noises.len() > 1;
@@ -621,8 +622,8 @@ fn base_of(table: &Table) -> Option<&String> {
 /// Smallest value that can be the base of a factor, as a share of the largest value in the view.
 const NEGLIGIBLE: f64 = 0.01;
 
-/// Whether a factor ([`Factor`]) of the value of a metric in this row is meaningful. The value must be larger than the half-width of its confidence
-/// interval (0 if unknown), and at least the share [`NEGLIGIBLE`] of the largest value in its view.
+/// Whether the value of a metric in this row can be the base of a [`Factor`]. The value must be larger than the half-width of its confidence interval
+/// (0 if unknown), and at least the share [`NEGLIGIBLE`] of the largest value in its view.
 fn is_base(table: &Table, row: usize, metric: Metric) -> bool {
     let summary = &table.summaries[row];
     let of_view = table.summaries.iter().filter(|other| other.key.view == summary.key.view).map(|other| other.value(metric));
@@ -772,8 +773,8 @@ enum Change {
 }
 
 /// Describes how a metric changes from the first to the second row of each pair. Pairs without a factor ([`Factor::of`]) are left out. The text then
-/// says how many pairs it describes. For a single pair the text gives both values, for several pairs it gives the range of factors. `None` if no pair
-/// has a factor.
+/// says how many pairs it describes. For a single pair the text gives both values. For several pairs it gives the range of factors, or one factor if
+/// they hardly differ. `None` if no pair has a factor.
 fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
     let mut known: Vec<Factor> = pairs.iter().filter_map(|&pair| Factor::of(table, pair, metric)).collect();
     known.sort_by(|a, b| a.ratio().total_cmp(&b.ratio()));
@@ -801,7 +802,7 @@ fn change(table: &Table, pairs: &[Pair], metric: Metric) -> Option<Change> {
 
 // ---- Estimators. ----
 
-/// Returns the rows that differ from the subject ([`subject`]) only in their estimator.
+/// Returns the subject ([`subject`]) and the rows that differ from it only in their estimator.
 fn rows_of_estimators(table: &Table, rows: &[usize]) -> Vec<usize> {
     subject(table, rows, |a, b| {
         (&a.key.variant, &a.key.noise, &a.key.temporal, &a.key.setting) == (&b.key.variant, &b.key.noise, &b.key.temporal, &b.key.setting)
@@ -916,7 +917,7 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
 fn front_items(table: &Table, front: &Front, name: impl Fn(&Summary) -> String) -> Vec<String> {
     let of = |i: usize| &table.summaries[i];
     let item = |(&point, alike): (&usize, &Vec<usize>)| {
-        // Choices that differ only in their noise are combined.
+        // Choices that differ from the choice on the front only in their noise are combined with it.
         let same = |a: &Summary, b: &Summary| {
             (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.setting)
                 == (&b.key.variant, &b.key.estimator, &b.key.temporal, &b.key.setting)
@@ -988,8 +989,8 @@ fn variants_told(table: &Table, rows: &[usize]) -> Option<Told> {
     // chance.
     let is_worth = |&i: &usize| fronts.iter().any(|front| front.contains(i) || front.is_alike(i));
     let worth = auto.value(error).is_nan() || rows.iter().filter(|&&i| of(i).key.variant == "auto").any(is_worth);
-    // The most expensive choice on the front that costs at most as much as the automatic choice. If the automatic choice is not on the front, this
-    // choice is better.
+    // The most expensive choice on the front that costs at most as much as the automatic choice. If the automatic choice is not worth its fetches,
+    // the answer names this choice as the better one.
     let better = front.points.iter().rev().map(|&i| of(i)).find(|s| s.value(cost) <= auto.value(cost));
     let splat = with_variant(table, rows, auto, "splat");
     let level = level_of_each(2);
@@ -1080,8 +1081,8 @@ fn variants(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// Names the choices with the smallest and the largest error. If no error was measured, added change is used instead. This is the answer for views in
-/// which cost or error was not measured.
+/// Names the choices with the smallest and the largest error. If no error was measured, added change is used instead. This is the answer if cost or
+/// error is missing, for example because it was not measured in this view.
 fn without_cost(table: &Table, rows: &[usize]) -> Option<Told> {
     let (metric, (low, high)) = [table.error, ADDED].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let of = |i: usize| &table.summaries[i];
@@ -1468,7 +1469,7 @@ mod tests {
             "{}",
             said(&more)
         );
-        // Flips are always mentioned together with clumping, even if clumping was not measured.
+        // The details of noises mention flips together with clumping, even if clumping was not measured.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|(_, numbers)| numbers.retain(|(metric, ..)| *metric != "clumping"));
         assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));

@@ -17,7 +17,7 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// Returns the number of fetches of a pixel that is shaded with all flavours of a variant. The additional fetch in scenes with colour modulation
+    /// Returns the promised fetches of a pixel that is shaded with all flavours of a variant. The additional fetch in scenes with colour modulation
     /// is not included.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();

@@ -218,16 +218,16 @@ impl Followed {
     }
 }
 
-/// Returns the mean over frames. The degrees of freedom of its standard error are the number of frames less one. Both are `None` for fewer than two
-/// frames.
+/// Returns the mean over frames. The degrees of freedom of its standard error are the number of frames less one. For fewer than two frames, the
+/// standard error and its degrees of freedom are `None`.
 fn mean_of(moments: &Moments<f64>) -> Mean {
     let standard_error = moments.standard_error();
     Mean { value: moments.mean(), standard_error, freedom: standard_error.map(|_| f64::from(moments.count - 1)) }
 }
 
 /// Returns the value over all groups and its standard error, by the delete-one jackknife over groups (Efron and Tibshirani 1993, *An Introduction to
-/// the Bootstrap*, chapter 11). The degrees of freedom of the standard error are the number of groups with compared pixels, less one. Both are `None`
-/// with fewer than two such groups. Returns `None` if there is no value.
+/// the Bootstrap*, chapter 11). The degrees of freedom of the standard error are the number of groups with compared pixels, less one. With fewer than
+/// two such groups, the standard error and its degrees of freedom are `None`. Returns `None` if there is no value.
 fn jackknife(groups: &[Residual], of: OfResidual) -> Option<Mean> {
     let mut all = Residual::default();
     groups.iter().for_each(|group| all.add(group));

@@ -2,7 +2,7 @@
 //!
 //! A *sweep* measures one view with one estimator, noise and temporal resolve. In each frame, the geometry is drawn once. Each flavour is then shaded
 //! once on every pixel and stored as a layer, unless an earlier sweep has stored the same layer. The pictures of all variants are composed from these
-//! layers (`kernels::composition`). *Times* are measured differently: each variant is shaded by its own pipeline.
+//! layers (`kernels::composition`). *Times* are measured differently: pixels are shaded directly, by pipelines that do not count fetches.
 
 mod costs;
 mod followed;
@@ -61,7 +61,7 @@ struct Stage<'a> {
     streamed: streamed::Streamed,
 }
 
-/// Results that do not depend on the noise. All parts with the same view and estimator share them.
+/// Results that do not depend on the noise. Successive parts with the same setting, view and estimator share them.
 #[derive(Default)]
 struct Fixed {
     view: String,
@@ -77,7 +77,7 @@ struct Fixed {
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Discards the stored results if they belong to a different view or estimator. Results for this view and estimator can then be stored.
+    /// Prepares for results of this view and estimator. Stored results of a different view or estimator are discarded.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
             *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
@@ -104,8 +104,8 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // `retune` succeeds if the scenes differ only in settings such as the distances at which flavours change, the light, or the blend (except
-            // anisotropy and material contrast). In this case, the world and the textures are kept.
+            // `retune` can succeed if both scenes require the same flavours and differ only in settings such as the light or the distances at which
+            // flavours change. In this case, the world and the textures are kept.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
@@ -159,7 +159,7 @@ where
     Ok(text.parse::<T>()?)
 }
 
-/// The columns that have the same value in all rows of a part.
+/// The values of the columns that the rows of a part have in common.
 struct Labels<'a> {
     definition: &'a Definition,
     scene: &'a str,
@@ -194,7 +194,7 @@ impl Labels<'_> {
         self.definition.noises.first().is_some_and(|noise| noise == self.noise)
     }
 
-    /// Adds a row if the definition requests the metric. If the metric depends on a signal, the row is about albedo.
+    /// Adds a row if the run measures the metric ([`Definition::measures`]). If the metric depends on a signal, the row is about albedo.
     ///
     /// # Errors
     /// `metric` is not in the table of metrics.
@@ -202,7 +202,7 @@ impl Labels<'_> {
         self.put_of(rows, variant, Signal::Albedo, metric, mark, value, standard_error)
     }
 
-    /// Adds a row for a signal if the definition requests the metric.
+    /// Adds a row for a signal if the run measures the metric ([`Definition::measures`]).
     ///
     /// # Errors
     /// `metric` is not in the table of metrics.
@@ -262,7 +262,7 @@ fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) ->
     Variant::new(Flavour::ALL.into_iter().filter(wanted).fold(0, |mask, flavour| mask | flavour.bit()))
 }
 
-/// Splits a set of flavours into those that draw random numbers and those that do not.
+/// Splits a set of flavours into those that draw random numbers with this estimator and those that do not. `None` = an empty set.
 fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
     let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) =
         set.flavours().partition(|&flavour| estimator.is_stochastic(Variant::only(flavour)));
@@ -270,9 +270,9 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of
-    /// the other flavours do not depend on the noise: they are stored and used again for other noises, as long as the stored layers fit
-    /// into [`FIXED_BYTES`]. If no flavour of `needed` draws random numbers, nothing is stored.
+    /// Returns the layers of a view, one for each flavour of `needed`. Flavours that draw random numbers are shaded in each call. The layers of the
+    /// other flavours do not depend on the noise: they are stored and used again for other noises, as long as the stored layers fit into
+    /// [`FIXED_BYTES`]. If no flavour of `needed` draws random numbers, nothing is stored.
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -302,8 +302,8 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// Returns a copy of the request that renders the reference blend, which takes 96 fetches per pixel. All terrain nodes have arrived, so errors that
-/// late nodes cause count as errors of the picture under test.
+/// Returns a copy of the request that renders the reference blend. All terrain nodes have arrived in the copy. If nodes are late in the picture under
+/// test, the difference therefore counts as its error.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));

@@ -68,7 +68,7 @@ impl Sheet {
         Sheet { folder: run.join(PICTURES), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
-    /// Sets the variant, estimator, noise and resolve of all pictures that are added after this call.
+    /// Sets the variant, estimator, noise and resolve of the pictures that are added until the next call.
     pub(super) fn of(&mut self, labels: &Labels<'_>, variant: &str) -> &mut Sheet {
         let text = |s: &str| s.to_owned();
         self.blank.variant = text(variant);
@@ -93,7 +93,7 @@ impl Sheet {
         Ok(())
     }
 
-    /// Writes the list of pictures.
+    /// Writes the list of pictures, unless it is empty.
     pub(super) fn finish(self) -> Result<()> {
         if self.entries.is_empty() {
             return Ok(());
@@ -116,8 +116,8 @@ pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], codes: &[[u
 }
 
 /// Writes the links from a frame to the frame before, as `NNNN.links` in the folder of a sequence: for each pixel, row by row from the top, a
-/// little-endian 32-bit number. It is the index of the pixel that showed the same surface point, [`NO_LINK`], or [`NO_TERRAIN`]. `picture` says where
-/// there is terrain.
+/// little-endian 32-bit number. It is the index of the pixel that showed the same surface point, [`NO_LINK`] if no pixel showed it, or
+/// [`NO_TERRAIN`]. `picture` is the frame; it says which pixels show terrain.
 pub(super) fn write_links(gpu: &Gpu, meter: &Meter, folder: &Path, frame: u32, picture: &[[u32; 2]]) -> Result<()> {
     let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, picture.len() as u64 * 4)?);
     write_with(&folder.join(format!("{frame:04}.links")), |output| {

@@ -1,15 +1,15 @@
-//! Renders the references of a view: the converged reference, with which the last frame is compared, and the reference sequences, with which every
-//! frame is compared.
+//! Renders the references of a view. The last frame is compared with the converged reference, and the sequences of frames are compared with the
+//! reference sequences.
 //!
-//! A reference sequence consists of pictures of the reference blend, which takes 96 fetches per pixel. They have one sample per pixel and follow the
-//! same path as the pictures under test. Each temporal resolve has its own sequence, which is rendered with the sample points of this resolve and
-//! passes through this resolve. The pictures of the sequences are stored for the sweeps of the view.
+//! A reference sequence consists of pictures of the reference blend (96 fetches). They have one sample per pixel and the camera poses of the pictures
+//! under test. Each temporal resolve has its own sequence, which is rendered with the sample points of this resolve and passes through this resolve.
+//! The pictures of the sequences are stored for the sweeps of the view.
 //!
 //! The converged reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points
 //! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
 //! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the
 //! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel, or until the definition's `reference.max_spp` is
-//! reached. Without a temporal resolve, no other way to shade is expected to have a smaller error than that blend.
+//! reached. The error of that blend is the yardstick, because without a temporal resolve, other ways to shade are expected to have larger errors.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -143,7 +143,7 @@ pub(super) struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// Reads the pictures of the next frame, one per signal.
+    /// Reads the pictures of the next frame, one per signal. `signals` is the number of measured signals.
     ///
     /// # Errors
     /// The file is damaged.
@@ -287,8 +287,8 @@ impl Runner<'_> {
         let most = (settings.max_spp / BATCH).max(batches);
         let total = u64::from(definition.frames + most);
 
-        // The reference and the sweeps have the same frame settings. Their pictures therefore differ only in the shading and, with simulated
-        // streaming, in the terrain nodes that have arrived.
+        // The sequences have the frame settings and the sample points of the sweeps. Their pictures therefore differ from those of the sweeps only in
+        // the shading and, with simulated streaming, in the terrain nodes.
         let choices = stage.choices;
         let signals = definition.measured_signals();
         let own = folder.join(REFERENCE);
@@ -323,7 +323,7 @@ impl Runner<'_> {
                         if definition.video && signals.last() == Some(&tracks[stream].signal) {
                             let place = pictures::sequence(folder, &unit.id, tracks[stream].resolve.name());
                             pictures::write_frame(&place, frame, size, &pictures::displayed(&picture, tracks[stream].signal))?;
-                            // Links depend on the geometry alone, so they are written for the first resolve only, which is `off`.
+                            // Links do not depend on the shading, so they are written only once, with the first resolve, which is `off`.
                             if index == 0 && stream < signals.len() {
                                 pictures::write_links(gpu, &meter, &place, frame, &picture)?;
                             }

@@ -1,10 +1,10 @@
-//! The file with the pictures of reference sequences. A part that renders a reference writes it, and the sweeps of the same view read it.
+//! The file with the pictures of reference sequences. A part that renders a reference writes it, and the sweeps of the same view and setting read it.
 //!
 //! The file consists of sections, each compressed with Zstandard. A section contains the sequences of all temporal resolves that have the same sample
 //! points: for each frame, the pictures of these resolves, for all measured signals. A picture has two 32-bit words per pixel
-//! (`kernels::shared::signal`), little-endian. If the lit picture is measured, the last section contains the lit picture of the converged reference.
-//! The places of the sections are stored with the facts about the reference, not in the file. The store removes the file when no unfinished sweep
-//! needs it.
+//! (`kernels::shared::signal`), little-endian. If the lit picture is measured, the last section contains the lit picture of the converged reference,
+//! as two pictures whose words are f32 numbers. The places of the sections are stored with the facts about the reference, not in the file. The store
+//! removes the file when no unfinished sweep needs it.
 
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use zstd::stream::{read::Decoder, write::Encoder};
 
-/// Level of compression: the fastest of the standard levels 1 to 22. Higher levels save a few percent only, because colours are noisy.
+/// Level of compression: the fastest of the standard levels 1 to 22. Higher levels save little, because colours are noisy.
 const LEVEL: i32 = 1;
 
 /// A section of the file that is being written.
@@ -75,7 +75,8 @@ impl Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // After `finish`, no file has the temporary name. An error is ignored, because the store removes temporary files when a run is continued.
+        // After `finish` has succeeded, no file has the temporary name. An error is ignored, because the store removes temporary files when a run is
+        // continued.
         let _ = fs::remove_file(&self.temporary);
     }
 }

@@ -7,8 +7,8 @@ use kernels::residency::{Arrivals, Residency};
 use super::views;
 use crate::definition::Definition;
 
-/// Simulated streaming of the view that is being drawn. The nodes of a frame depend only on this frame and the earlier frames of the view. They are
-/// therefore the same in every part of a run, whatever the order of the parts and their division into shards.
+/// Simulated streaming of the view that is being drawn. The nodes of a frame depend on the settings, this frame and the earlier frames of the view.
+/// Parts with the same setting therefore draw the same nodes, whatever the order of the parts and their division into shards.
 #[derive(Default)]
 pub(super) struct Streamed {
     last: Option<Last>,
@@ -23,8 +23,8 @@ struct Last {
 }
 
 impl Streamed {
-    /// Returns `request`, which draws a frame of a view, with the residency of this frame. If the view is not that of the last call, or if the frame
-    /// is an earlier one, streaming starts again with frame 0 of the view.
+    /// `request` draws frame `frame` of the view `view`. Returns it with the residency of this frame, or unchanged if streaming is not simulated. If
+    /// the last call was for another view or a later frame, streaming starts again with frame 0 of the view.
     ///
     /// # Errors
     /// The view does not exist, or the device fails.

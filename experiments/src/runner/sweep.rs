@@ -1,4 +1,4 @@
-//! Measures a sweep: one view with one estimator, noise and temporal resolve, for all variants, frames and seeds.
+//! Measures a sweep: all variants of one view, with one estimator, noise and temporal resolve.
 
 use std::path::Path;
 
@@ -49,7 +49,8 @@ impl How {
 }
 
 impl Runner<'_> {
-    /// Measures a sweep: first all frames, then the errors and costs of the last frame, then several seeds for the last frame.
+    /// Measures a sweep: first all frames, then the errors and costs of the last frame. Without a temporal resolve, several seeds of the last frame
+    /// follow.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
@@ -57,7 +58,7 @@ impl Runner<'_> {
         let signals = definition.measured_signals();
         let reference = match Reference::read(folder, &reference_part, &signals) {
             Ok(reference) => reference,
-            // The reference may have been removed or damaged since it was rendered. Rendering it again gives the same result.
+            // The reference may have been removed or damaged since it was rendered. It is then rendered again.
             Err(error) => {
                 eprintln!("note: {}; the reference is rendered again", error_line(&error));
                 self.reference(&reference_part, folder, step)?;
@@ -154,8 +155,8 @@ impl Runner<'_> {
         sheet.finish()?;
 
         // Bias, variance, clumping and spectrum are measured in pictures of the last frame with different seeds. They are measured only without a
-        // temporal resolve. Other frames would have the same seeds and, as the camera moves, the same noise in other areas of the picture, so their
-        // numbers would not be independent.
+        // temporal resolve. Only one frame is used, because noise that is bound to the ground appears in other frames again, in other areas of the
+        // picture. The numbers of these frames would therefore not be independent.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -189,7 +190,7 @@ impl Runner<'_> {
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..meter.streams.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
-        // The errors are computed in parallel on all CPU cores, because FLIP takes longer than rendering.
+        // The errors are computed in parallel, because FLIP takes long.
         let judged: Vec<Option<judge::Errors>> = pictures
             .par_iter()
             .zip(&meter.streams)
@@ -222,7 +223,7 @@ impl Runner<'_> {
             if signals.last() == Some(&signal) && is_pictured(labels, how, *choice) {
                 let title = format!("{name}, {}", labels.noise);
                 let caption = format!("RMSE {:.4}, FLIP {:.4}; {}", errors.mse.sqrt(), errors.flip.mean, signal.name());
-                // The stored picture shows the sky of the reference where the variant's picture shows no terrain.
+                // Where the variant's picture shows no terrain, the stored picture shows the reference.
                 let truth = reference.colours.get(signal.name()).context("the reference lacks a signal")?;
                 let seen = pictures::displayed(&pictures[stream], signal).into_iter().zip(pictures::display(truth)).zip(&pictures[stream]);
                 let codes: Vec<[u8; 3]> = seen.map(|((own, sky), s)| if signal::is_terrain(*s) { own } else { sky }).collect();
@@ -240,7 +241,7 @@ impl Runner<'_> {
     }
 
     /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. With the first noise, also
-    /// stores a map of the tiles, if variants are chosen for each tile.
+    /// stores a map of the tiles, if the definition has automatic choice (`auto` or `generic`) and a variant is chosen for each tile.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn costs(
         &mut self,
@@ -296,8 +297,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed. Also computes the variance that theory
-    /// predicts.
+    /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed. For the estimator of Far Cry 5, also
+    /// computes the variance that theory predicts.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn seeds(
         &mut self,
@@ -317,7 +318,7 @@ impl Runner<'_> {
         let pixels = size[0] * size[1];
         let [drawing, fixed] = split(needed, how.estimator);
 
-        // The exact blend does not depend on the noise, so it is drawn only once for each view and frame.
+        // The exact blend does not depend on noise and seed, so successive parts with the same pose and frame share it.
         let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.view.pose && *frame == judged.shading.frame);
         if !same {
             let layers = Layers::new(gpu, size);
@@ -408,7 +409,7 @@ impl Runner<'_> {
             }
         }
 
-        // Computes the variance that theory predicts. The prediction exists only for the estimator of Far Cry 5.
+        // The prediction exists only for the estimator of Far Cry 5.
         let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
@@ -437,9 +438,10 @@ fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
 
-/// Adds the rows of the spectrum of a picture's error in luminance. The spectrum is computed from a square at the middle of the picture's lower
-/// border. Its side is a multiple of 16 pixels and at most [`SPECTRUM_SIDE`]. The largest such square that contains only terrain is used. If it
-/// is smaller than [`SMALLEST_SIDE`], or if the error is below 1e-6 everywhere, no rows are added.
+/// Adds the rows of the spectrum of the error, which is the difference in luminance between the picture `now` and the exact blend. The spectrum is
+/// computed from a square at the middle of the picture's lower border. The side of the square is a multiple of 16 pixels and at most
+/// [`SPECTRUM_SIDE`]. The largest such square that contains only terrain is used. If its side is smaller than [`SMALLEST_SIDE`], or if the error is
+/// below 1e-6 at every pixel of the square, no rows are added.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

@@ -1,4 +1,4 @@
-//! Measures the device times of variants. Each variant is shaded by its own pipeline, which counts no fetches.
+//! Measures the device times of variants. Pixels are shaded by pipelines that count no fetches.
 
 use std::time::Instant;
 
@@ -44,8 +44,9 @@ fn wanted(candidates: usize, base: usize) -> Vec<Wanted<'static>> {
 }
 
 impl Runner<'_> {
-    /// Measures the times of all passes of each variant in the first frame, and their ratios to the times of the first variant with the first
-    /// estimator and noise. [`rounds`] decides in which order the pictures are drawn, and how many.
+    /// Measures the times of the passes of each variant in the first frame, and their ratios to the times of the first variant with the first
+    /// estimator and noise. Passes that all variants share are stored with one variant. [`rounds`] decides in which order the pictures are drawn, and
+    /// how many.
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let stage = self.stage.as_mut().context("the renderer was not prepared")?;
@@ -72,8 +73,8 @@ impl Runner<'_> {
                 r.outputs.keep_geometry = !turn.is_first;
             });
             let passes = renderer.draw(&request)?.into_report().passes;
-            // The geometry is drawn by the first picture of a round, which shows a different candidate in each round. All times of shared passes are
-            // assigned to candidate 0, so that each pass has one series.
+            // The geometry is drawn by the first picture of a round, which is a random candidate. All times of shared passes are assigned to
+            // candidate 0, so that each of these passes has one series.
             let owner = |pass: &str| if SHARED_PASSES.contains(&pass) { 0 } else { turn.candidate };
             Ok(passes.into_iter().map(|pass| Timed { candidate: owner(&pass.name), pass: pass.name, ms: pass.time_ms }).collect())
         };

@@ -313,7 +313,7 @@ pub fn bound_rows() -> Vec<Row> {
         .into()
 }
 
-/// Returns all rows. Their computation takes some seconds on two cores.
+/// Returns all rows.
 pub fn rows() -> Vec<Row> {
     [octahedral_rows(), derivative_rows(), bound_rows()].concat()
 }

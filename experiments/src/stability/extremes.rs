@@ -52,7 +52,8 @@ pub struct Bend {
 pub struct Axis {
     /// The name by which cases refer to the axis.
     pub name: String,
-    /// First and last value, both above 0. The values between them are evenly spaced on a logarithmic scale.
+    /// First and last value, both above 0. The values are evenly spaced on a logarithmic scale. If the spacing does not fit the range, the last value
+    /// is approximate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<[f64; 2]>,
     /// Number of values of `log` per decade; absent = 1.

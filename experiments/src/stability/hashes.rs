@@ -18,9 +18,9 @@ pub const MIXED_BITS: usize = 21;
 /// Limit for the input bits of a word of [`hash::pcg4d`] from index [`MIXED_BITS`] on. If such a bit changes, each bit in the highest byte of a
 /// threshold changes with a probability that deviates from one half by at most this value.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at
-/// most this value. Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], which gives the
-/// size of the noise's cells and passes through only one `pcg`. The result of `mix` is an input word of [`hash::pcg4d`].
+/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at most this
+/// value. Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], which gives the size of the noise's
+/// cells and passes through only one `pcg`. The result of `mix` is then hashed again, by [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
 /// A hash as a function from four words to four words. A hash with fewer input words ignores the other words. A hash with fewer output words returns
@@ -83,12 +83,11 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures two properties of each hash. *Balance* of an output bit, over consecutive numbers or the cells of a lattice: the p-value of the number of
-/// hashes in which the bit is 1 (H0: the expected share is one half). *Avalanche* of an input bit, over random inputs: an output bit changes with the
-/// input bit with a probability that deviates from one half; the value is the largest deviation over the output bits that affect a threshold. For
-/// some input bits, every such output bit should have a probability of one half. The limits of the avalanche of these input bits follow from one
-/// family of tests with a level of 0.1 %. The limits of the other input bits are constants of this module; for [`hash::pcg4d`], they apply to the
-/// highest byte.
+/// Measures two properties of each hash. *Balance* of an output bit: the value is the p-value of the number of hashes in which the bit is 1, over
+/// consecutive numbers or the cells of a lattice (H0: the expected share is one half). *Avalanche* of an input bit: for each output bit that affects
+/// a threshold, the share of random inputs is counted for which flipping the input bit changes the output bit. The value is the largest deviation of
+/// these shares from one half. For some input bits, the avalanche should be complete, so the limit follows from one family of tests with a level of
+/// 0.1 %. For the other input bits, the limits are constants of this module; for [`hash::pcg4d`], only the highest byte is then tested.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {

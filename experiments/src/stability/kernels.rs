@@ -21,7 +21,7 @@ pub struct Finding {
     pub value: f64,
     /// Where the kernel was evaluated: `gpu`, or `f32` for the reference in single precision.
     pub on: String,
-    /// Name of the device; empty for the reference. Devices with equal names are numbered.
+    /// Name of the device; empty for the reference. If several devices have the same name, all but the first are numbered.
     pub adapter: String,
     /// Number of tested rows.
     pub rows: usize,
@@ -36,7 +36,7 @@ pub struct Finding {
     pub other_side: usize,
     /// Largest ratio of a row's error to the derived tolerance, over the rows that count neither as `differ` nor as `other_side`.
     pub of_tolerance: f64,
-    /// Largest error in units in the last place (ULP) of the largest result of its row.
+    /// Largest error in units in the last place (ULP) of the largest reference result of its row.
     pub worst_ulp: f64,
     /// Median error over the rows, in the same unit as `worst_ulp`.
     pub typical_ulp: f64,
@@ -60,8 +60,9 @@ struct Compared {
     errors: Vec<f64>,
 }
 
-/// Measures every kernel at every extreme value on every device. `share` is the share of the rows of each case that is measured, above 0 and at most
-/// 1. For each kernel, `progress` is called with its name, the number of finished kernels, and the number of all kernels.
+/// Measures the kernels of `extremes` at their extreme values, on each device and with the reference in f32. `share` is the share of the rows of each
+/// case that is measured, above 0 and at most 1. For each kernel, `progress` is called with its name, the number of finished kernels, and the number
+/// of all kernels.
 ///
 /// # Errors
 /// A device fails, or `progress` returns an error.
@@ -86,7 +87,7 @@ pub fn measure(
     Ok(findings)
 }
 
-/// Returns the names of the devices. Devices with the same name are numbered.
+/// Returns the names of the devices. If several devices have the same name, all but the first are numbered.
 fn names(gpus: &[&Gpu]) -> Vec<String> {
     let before = |i: usize| gpus[..i].iter().filter(|gpu| gpu.info.name == gpus[i].info.name).count();
     let name = |i: usize| match before(i) {
@@ -118,7 +119,7 @@ fn of_kernel(extremes: &Extremes, gpus: &[&Gpu], share: f64, probe: &'static Pro
             blocks.push(Block { case, value, rows: begin..inputs.len() / probe.inputs.len() });
         }
     }
-    // All rows of a kernel are evaluated in one dispatch, because each dispatch would compile the kernel again.
+    // All rows of a kernel are evaluated by one call, because each call compiles the kernel again.
     let mut results = Vec::new();
     for (gpu, name) in gpus.iter().zip(names(gpus)) {
         results.push(("gpu", name, probe.on_gpu(gpu, &inputs)?));
@@ -181,7 +182,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     let scale = want.iter().fold(f64::from(f32::MIN_POSITIVE), |most, x| most.max(x.abs()));
     let farthest = got.iter().zip(want).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
     // If result and reference lie on different sides of a threshold, their difference is the jump at the threshold. It is not a numerical error, so
-    // it is not counted.
+    // no error is measured for this row.
     let (ulp, errors) = if verdict == Verdict::OtherSide {
         (0.0, Vec::new())
     } else {

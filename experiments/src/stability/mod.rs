@@ -1,6 +1,6 @@
-//! The stability lab. A *kernel* is a function that shaders share. The lab compares every kernel with its reference in f64 at extreme values
+//! The stability lab. A *kernel* is a function that shaders share. The lab compares kernels with their references in f64 at extreme values
 //! ([`kernels`], with the values of [`extremes`]). It also tests stored directions, derivatives, hashes and noise; these tests run on the CPU.
-//! `docs/stability-lab.md` gives the reasons for all tests.
+//! `docs/stability-lab.md` gives the reasons for the tests.
 
 pub mod directions;
 pub mod extremes;
@@ -48,7 +48,8 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Returns the row with its numbers rounded to four significant digits. So rounding errors alone rarely make two recorded tables differ.
+    /// Returns the row with its numbers rounded to four significant digits. With so few digits, rounding errors rarely make two recorded tables
+    /// differ.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }

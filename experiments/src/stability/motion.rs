@@ -1,8 +1,8 @@
 //! Measures flips, clumping and low frequencies of noise while a camera moves over a plane. At each pixel, the noise chooses among four texels of
 //! equal weight.
 //!
-//! The measurements use the same functions as the sequences of the renderer (METHODOLOGY, Flips, Clumping and spectrum). Only the geometry differs,
-//! because it is exact: rays are intersected with a plane, derivatives are computed on this plane, and points are followed by reprojection.
+//! The statistics are those of METHODOLOGY (Flips, Clumping and spectrum), as for sequences of the renderer. Only the geometry is simpler: rays are
+//! intersected with a plane, derivatives are computed on this plane, and points are followed by reprojection.
 
 use std::fmt;
 
@@ -35,7 +35,8 @@ const FOV_DEG: f64 = 55.0;
 /// Angle of the view direction above the horizontal plane; negative = downwards. With this angle, the horizon of level ground is in the upper half of
 /// the picture.
 const PITCH_DEG: f64 = -15.0;
-/// Compass bearing of the view direction and of the direction in which walls rise. It is not parallel to the axes of the noise's cells.
+/// Compass bearing of the direction in which walls rise, and of the view direction in the first frame. It is not parallel to the axes of the noise's
+/// cells.
 const YAW_DEG: f64 = 30.0;
 /// Height of the eye above level ground, or above the foot of a wall, metres.
 const EYE_M: f64 = 2.0;
@@ -248,7 +249,7 @@ pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     }
 }
 
-/// The recorded values for all grounds and motions, with their accepted ranges.
+/// The recorded values for the grounds and motions, with their accepted ranges.
 const RECORDED: &str = include_str!("../../../notebooks-data/stability/noise.csv");
 
 /// Sets the accepted ranges of measured rows to the recorded ranges. If a row has no recorded counterpart, it keeps the range that was computed from
@@ -264,7 +265,8 @@ fn hold_to_recorded(rows: &mut [Row]) {
     }
 }
 
-/// Measures every kind of noise for every combination of ground and motion, 10 km from the origin. The accepted ranges are the recorded ones.
+/// Measures every kind of noise for every combination of ground and motion, 10 km from the origin along each axis. The accepted ranges are the
+/// recorded ones.
 pub fn rows() -> Vec<Row> {
     let noises = NoiseKind::ALL.map(of_kind);
     let stages: Vec<(Ground, Motion)> = GROUNDS.into_iter().flat_map(|ground| Motion::ALL.map(|motion| (ground, motion))).collect();

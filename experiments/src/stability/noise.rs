@@ -1,11 +1,11 @@
-//! Tests whether the thresholds of every kind of noise behave as random numbers. Thresholds must be uniform and independent of neighbouring
-//! thresholds. For each tested probability alpha, the share of thresholds below alpha must be alpha (coverage).
+//! Tests whether the thresholds of each kind of noise behave as random numbers, as far as this is intended. Random thresholds are uniform and
+//! independent of neighbouring thresholds. For each tested probability alpha, the share of thresholds below alpha should be alpha (coverage).
 //!
-//! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call must be independent. For all
-//! kinds, thresholds of two seeds, and thresholds of two salts, must also be independent. Kinds bound to the ground ([`is_of_ground`]) are
-//! also tested with samples over places, at three distances from the origin. White noise of the screen is also tested with samples over
-//! pixels and frames. Interleaved gradient noise and the masks are not tested over places. They arrange the thresholds of neighbouring
-//! pixels and frames on purpose, so these thresholds are dependent and far more evenly distributed than random numbers.
+//! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call must be independent. For all kinds,
+//! thresholds of two seeds, and thresholds of two salts, must also be independent. Kinds bound to the ground ([`is_of_ground`]) are also tested with
+//! samples over places, at three distances from the origin. White noise of the screen is also tested with samples over pixels and frames. Apart from
+//! collisions (see below), interleaved gradient noise and the masks are not tested over places. They arrange the thresholds of neighbouring pixels
+//! and frames on purpose, so these thresholds are dependent and far more evenly distributed than random numbers.
 //!
 //! The number of collisions (equal thresholds) shows whether all 24 bits of a threshold are random. Collisions are tested for kinds that draw a new
 //! number at each place, and for the masks, which add a random jitter at each pixel. They are not tested for interleaved gradient noise, whose
@@ -87,7 +87,8 @@ pub fn scattered(sector: i32, i: u32) -> Ask {
     somewhere(&mut random, sector, footprint, 0.0)
 }
 
-/// Returns a random place near a sector, on ground with the given slope. The longer derivative has a length of `footprint` metres.
+/// Returns a random place within 4096 sectors of a sector along each axis, on ground with the given slope. The longer derivative has a length of
+/// `footprint` metres.
 fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -> Ask {
     #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "small")]
     let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
@@ -224,9 +225,10 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
     next
 }
 
-/// Tests whether thresholds change independently if one input changes: the place (for noise of the screen, the pixel or, as `z`, the frame), the
-/// scale, the seed or the salt. Also tests them with seed and salt swapped. The samples are taken over a lattice of cells or pixels. For interleaved
-/// gradient noise and masks, they are taken over seeds, and only changes of seed and salt are tested.
+/// Tests whether thresholds change independently if an input changes: the place, the scale (hashed kinds only), the seed or the salt, or seed and
+/// salt by a swap. For noise of the screen, steps along x and y lead to the next pixel, and a step along z leads to the next frame. The samples are
+/// taken over a lattice of cells or pixels. For interleaved gradient noise and masks, they are taken over seeds, and only changes of seed and salt
+/// are tested.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -333,7 +335,8 @@ pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     cells.into_par_iter().flat_map_iter(of_cell).collect()
 }
 
-/// Runs all tests that need no camera on `noise`. The tests are those for noise of the given kind.
+/// Runs the tests of this module on one noise. `noise` is the function under test. `kind` selects the tests, and its name is stored in the rows.
+/// `origins` are the distances from the origin at which kinds bound to the ground are tested over places.
 pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = coverage_rows(kind, noise);
     for judge in [scattered_rows, neighbour_rows, collision_rows, range_rows] {
@@ -342,8 +345,7 @@ pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Ro
     rows
 }
 
-/// Tests the bits of the hashes, and every kind of noise at all distances from the origin. All p-values together have one significance level. The
-/// tests take half a minute on two cores.
+/// Tests the bits of the hashes, and every kind of noise at all distances from the origin. All p-values together have one significance level.
 pub fn rows() -> Vec<Row> {
     let mut rows = hashes::rows();
     for kind in NoiseKind::ALL {

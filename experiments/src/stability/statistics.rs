@@ -22,12 +22,12 @@ impl Random {
         (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
-    /// Returns a number that is uniform in [`low`, `high`).
+    /// Returns a number that is uniform between `low` and `high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Returns a number that is uniform in 0..`n`; `n` must be above 0.
+    /// Returns a number that is almost uniform in 0..`n`; `n` must be above 0.
     #[allow(clippy::cast_possible_truncation, reason = "the result is less than `n`, which is a usize")]
     pub fn below(&mut self, n: usize) -> usize {
         (self.word() % n as u64) as usize
@@ -113,8 +113,8 @@ pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
     (2.0 * binomial.cdf(covered).min(above)).min(1.0)
 }
 
-/// Returns the number of distinct thresholds after rounding to 24 bits. Thresholds have 24 bits before rounding, except those of hashed noise that
-/// blend the random numbers of two cells of different size.
+/// Returns the number of distinct thresholds after rounding to 24 bits. Most thresholds have 24 bits before rounding. Hashed noise can blend the
+/// random numbers of two cells of different size; such thresholds may have more bits.
 pub fn distinct(thresholds: &[f64]) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
     let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();

@@ -133,7 +133,7 @@ impl Manifest {
             seed: format!(
                 "frames are numbered from 0; bias and variance are measured over {} consecutive seeds from the seed of the frame on, everything else with \
                  the seed of the frame, which is `frame.seed` of the definition (0 if it sets none), plus the number of the frame if it sets \
-                 `frame.reseeds`; every random number is an integer hash of the position or the pixel, the frame and the seed",
+                 `frame.reseeds`; every random number is a function of the position or the pixel, the frame and the seed",
                 definition.seeds.max(1)
             ),
             version: env!("CARGO_PKG_VERSION").to_owned(),

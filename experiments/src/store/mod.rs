@@ -315,11 +315,11 @@ impl Run {
         self.folder.join(format!("{name}.{extension}"))
     }
 
-    /// Carries out the missing parts in order. `progress(done, total)` is called during the work. `go_on` is called before each part. If it returns
-    /// an error, the run stops.
+    /// Carries out the missing parts in order. `progress(done, total)` is called during the work. `go_on` is called before each missing part. If it
+    /// returns an error, the run stops.
     ///
     /// # Errors
-    /// A part fails. The message names the part. Finished parts are kept.
+    /// A part fails, or `go_on` returns an error. The message names the part. Finished parts are kept.
     pub fn carry_out(&mut self, measure: &mut dyn Measure, progress: &dyn Fn(u64, u64), go_on: &dyn Fn() -> Result<()>) -> Result<()> {
         let total = self.shares.len() as u64 * STEPS;
         let missing: Vec<Share> = self.shares.iter().filter(|share| !self.done.contains(&share.unit.index)).cloned().collect();
@@ -406,7 +406,7 @@ impl Run {
         }
     }
 
-    /// Joins the results of all parts in order. Only one part is in memory at a time. Marks the run as complete, and reads its rows back.
+    /// Joins the results of all parts in order; only one part at a time is in memory. Then marks the run as complete, and reads its rows back.
     ///
     /// # Errors
     /// Parts are missing, or the disk fails.
@@ -443,7 +443,7 @@ impl Run {
 }
 
 impl Run {
-    /// Removes the pictures of the reference sequences that no unfinished sweep needs. They are much larger than all other files of a run.
+    /// Removes the pictures of the reference sequences that no unfinished sweep needs. They usually take more space than the other files of a run.
     fn remove_sequences(&self) -> Result<()> {
         let units = || self.shares.iter().map(|share| &share.unit);
         let is_spent = |reference: &&Unit| {
@@ -631,9 +631,9 @@ pub struct RunData {
     pub rows: Vec<Row>,
     /// The rows of device times, sorted by the columns from left to right.
     pub times: Vec<Row>,
-    /// Whether all parts are finished.
+    /// Whether all parts are finished and joined.
     pub complete: bool,
-    /// Descriptions of the parts that are missing, one per line.
+    /// Descriptions of what is missing, one per line, such as a number of parts or a shard.
     pub missing: Vec<String>,
     /// The folder from which the run was read.
     pub folder: PathBuf,

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct RunPicture {
     /// Name of the picture's file, which is in the same folder as the list.
     pub(crate) file: String,
-    /// Title, which consists of a few words.
+    /// Title: a few words.
     pub(crate) title: String,
-    /// Caption, which is one sentence.
+    /// Text below the picture.
     pub(crate) caption: String,
     /// Kind of the picture: `reference`, `frame`, `tile-map` or `residual-map`. Older versions also wrote `error-map`.
     pub(crate) kind: String,

@@ -65,14 +65,14 @@ impl Wrong {
 /// Parses `text` as a `T`. If a key is missing, `remedy_of_missing(key)`, which may be empty, is appended to the message.
 ///
 /// # Errors
-/// The text is not TOML, a key is missing, or the text contains an unknown key (the message names the nearest known key), a value of a wrong type, or
-/// a list that is too long.
+/// The text is not TOML, a key is missing, or the text contains an unknown key, a value of a wrong type, or too many entries in a list of fixed
+/// length. For an unknown key, the message names the nearest known key or, if none is near, all keys that are known at this place.
 pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
     let read: T = toml::from_str(text).map_err(|error| {
         let (line, what) = explain(text, &error, remedy_of_missing);
         Wrong { line, what }
     })?;
-    // The TOML reader silently drops the surplus entries of a list that is too long, so the result is compared with the document.
+    // The TOML reader silently drops the surplus entries of a list of fixed length, so the result is compared with the document.
     let whole = |what: String| Wrong { line: None, what: one_line(&what) };
     let given = text.parse::<toml::Table>().map_err(|error| whole(error.to_string()))?;
     let taken = toml::Table::try_from(&read).map_err(|error| whole(error.to_string()))?;
@@ -123,7 +123,7 @@ pub struct Problem {
 }
 
 impl fmt::Display for Problem {
-    /// One line, such as `material 3, tile_m: ...`. Entries of lists are counted from 1.
+    /// One line, such as `camera 3, pitch_deg: is 95, must lie in -90..=90`. Entries of lists are counted from 1.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_sentence {
             return f.write_str(&one_line(&self.what));
@@ -345,8 +345,8 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
 }
 
 /// Finds the value that caused the reader's error: the value at `span` or, if the span covers a whole table, the value that the message quotes.
-/// Returns the key of this value, and the position of the key; `None` if the message does not report an invalid value, quotes nothing, or quotes
-/// a value that the text does not contain.
+/// Returns the key of this value, and the position of the key; `None` if no value is found. Only messages that begin with `invalid` and quote
+/// something are examined.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;

@@ -1,8 +1,8 @@
-//! The library's one error type: what went wrong, where, and how to fix it.
+//! The library's error type: what went wrong and, where possible, where and how to fix it.
 
 use std::path::PathBuf;
 
-/// Everything that can fail in this crate. Each text is one line that says what is wrong, where, and how to fix it.
+/// The errors of this crate. The text of an error says what is wrong and, where possible, where and how to fix it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A scene file is wrong.
@@ -57,7 +57,7 @@ pub enum Error {
 }
 
 /// Returns the text on one line: each run of white space and control characters, such as line breaks and the escape character, becomes one space.
-/// Runs at the start and at the end are removed. Texts from files pass through this function before they become part of an error.
+/// Runs at the start and at the end are removed. The function is meant for texts from files that become part of an error.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }

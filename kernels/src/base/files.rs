@@ -1,4 +1,5 @@
-//! Writes files and folders atomically: each appears complete or not at all.
+//! Writes files and folders under temporary names and renames them when they are complete. So a process that fails or is killed leaves nothing
+//! incomplete under the final name.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
@@ -10,7 +11,8 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { file: file.to_owned(), source }
 }
 
-/// Runs `write` on a temporary file in the folder of `file`, then renames the temporary file to `file`. So `file` is never incomplete.
+/// Runs `write` on a temporary file in the folder of `file`, then renames the temporary file to `file`. If `write` fails or the process is killed,
+/// `file` stays as it was.
 ///
 /// # Errors
 /// `file` is a device, a pipe, or a link that leads nowhere. Or writing or renaming fails; the temporary file is then removed.
@@ -41,7 +43,8 @@ fn target(file: &Path) -> Result<PathBuf> {
     }
 }
 
-/// A folder that is filled under a temporary name, next to its final path. It is removed if [`WholeFolder::finish`] is not called.
+/// A folder that is filled under a temporary name, next to its final path. If this value is dropped without [`WholeFolder::finish`], the folder is
+/// removed.
 ///
 /// A process that is killed leaves the temporary folder behind. While a process fills the folder, a file beside it is locked. So
 /// [`remove_unfinished`] can tell an abandoned folder from a folder that is being filled.

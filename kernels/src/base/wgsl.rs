@@ -23,7 +23,7 @@ impl Constant {
         Constant::F32(value as f32)
     }
 
-    /// The declaration in WGSL. The number is exact: it is the shortest text that reads back as the same f32.
+    /// The declaration in WGSL. The text of a real number reads back as the same f32.
     fn wgsl(self, name: &str) -> String {
         match self {
             Constant::U32(value) => format!("const {name}: u32 = {value}u;\n"),
@@ -59,7 +59,7 @@ impl Wgsl {
     }
 }
 
-/// Returns the files of a module that uses `roots`. Each file appears once, after all its dependencies.
+/// Returns the files of a module that uses `roots`. Each file appears once, after its dependencies.
 pub fn closure(roots: &[&'static Wgsl]) -> Vec<&'static Wgsl> {
     fn visit(file: &'static Wgsl, begun: &mut Vec<&'static str>, all: &mut Vec<&'static Wgsl>) {
         if begun.contains(&file.path) {

@@ -1,8 +1,8 @@
-//! Encoder and decoder for BC1 and BC3 images on the CPU. They convert complete RGBA8 images to blocks, and back.
+//! Encoder and decoder for BC1 and BC3 images on the CPU. They convert whole RGBA8 images to blocks, and back. [`alpha_block_at_least`] makes a
+//! single alpha block.
 //!
-//! Texels are row-major, 4 bytes each, red first. Block formats: Direct3D 11.3 functional specification, section 19.5 ("Block Compression
-//! Formats"). The encoder is `texpresso`. With [`Effort::Fast`], the two end points of a block are its extreme colours along the principal
-//! axis of its colours.
+//! Texels are row-major, 4 bytes each, red first. Block formats: Direct3D 11.3 functional specification, section 19.5 ("Block Compression Formats").
+//! The encoder is `texpresso`.
 
 use rayon::prelude::*;
 use texpresso::{Algorithm, Format, Params};
@@ -10,10 +10,10 @@ use texpresso::{Algorithm, Format, Params};
 /// A block format of node payloads and of detail textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockFormat {
-    /// 8 bytes per block: up to 4 colours on the line between two 5:6:5 end points; alpha is 0 or 255.
+    /// 8 bytes per block: a palette of up to 4 colours, which follows from two 5:6:5 end points; alpha is 0 or 255.
     Bc1,
-    /// 16 bytes per block: colours as in BC1, and 8 alpha values. Either all 8 are spaced evenly between two 8-bit end points, or 6 of them are, and
-    /// the other two are 0 and 255.
+    /// 16 bytes per block: colours as in BC1, and 8 alpha values. Either all 8 are spaced evenly between two 8-bit end points, or 6 are, and the
+    /// other two are 0 and 255.
     Bc3,
 }
 
@@ -42,12 +42,13 @@ impl BlockFormat {
 /// How much effort the encoder spends on a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// The range fit of `texpresso`: about a microsecond per block.
+    /// The range fit of `texpresso`, the fastest: the end points of a block are its extreme colours along the principal axis of its colours. A block
+    /// of one colour has a fit of its own.
     Fast,
-    /// The range fit, improved by `refine` in blocks that lie completely inside the image. Its quality is within one decibel of the cluster fit,
-    /// and it is much faster than the cluster fit.
+    /// The range fit, improved by `refine` in blocks that lie completely inside the image. It is much faster than the cluster fit, with nearly
+    /// its quality.
     Refined,
-    /// The iterated cluster fit of `texpresso`: tens of microseconds per block. Meant for the few blocks where quality matters most.
+    /// The iterated cluster fit of `texpresso`, the slowest. Meant for small images whose quality matters most, such as maps of normal cones.
     Best,
 }
 
@@ -88,9 +89,9 @@ pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, wei
     blocks
 }
 
-/// Improves a block in at most two iterations. Each iteration computes the end points by least squares for the given indices, and then chooses the
-/// nearest palette entry for each texel. Quantisation of the end points can raise the weighted squared error, so an iteration that does not lower
-/// the error is discarded and ends the search. Blocks in BC1's three-colour mode (mostly blocks of one colour) are not changed.
+/// Improves the colours of a block in at most two iterations. Each iteration computes the end points by least squares for the given indices, and then
+/// chooses the nearest palette entry for each texel. Quantisation of the end points can raise the weighted squared error, so an iteration that does
+/// not lower the error is discarded and ends the search. Blocks in BC1's three-colour mode are not changed.
 fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     // Share of the first end point in palette entries 0 to 3.
     const SHARE: [f32; 4] = [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0];
@@ -158,7 +159,7 @@ fn expand565(code: u16) -> [f32; 3] {
     [(r << 3) | (r >> 2), (g << 2) | (g >> 4), (b << 3) | (b >> 2)].map(f32::from)
 }
 
-/// Returns the 5:6:5 colour that is nearest to a colour with channels in 0..255. Values outside this range are clamped.
+/// Rounds the channels of a colour, 0..255, to 5, 6 and 5 bits. Values outside this range are clamped.
 fn quantise565(colour: [f32; 3]) -> u16 {
     let level = |value: f32, most: f32| (value * most / 255.0 + 0.5).clamp(0.0, most) as u16;
     (level(colour[0], 31.0) << 11) | (level(colour[1], 63.0) << 5) | level(colour[2], 31.0)
@@ -184,15 +185,15 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
     rgba
 }
 
-/// Returns a BC3 alpha block. Each of its 16 decoded values is at least the value of the same texel in `needed`. The function tries a block in
-/// BC3's eight-value mode and a block in its six-value mode, and returns the block whose values exceed `needed` by less in total.
+/// Returns a BC3 alpha block. Each of its 16 decoded values is at least the value of the same texel in `needed`. The function tries a block in BC3's
+/// eight-value mode and a block in its six-value mode, and returns the block whose values exceed `needed` by less in total.
 ///
-/// Interpolated values are computed as exact fractions and rounded down. A decoder that rounds up or down therefore never decodes a value
-/// below `needed`.
+/// Interpolated values are computed as exact fractions and rounded down. A decoder that rounds the exact fractions, up or down, therefore decodes no
+/// value below `needed`.
 pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
     let highest = needed.iter().copied().max().unwrap_or(0);
     let lowest = needed.iter().copied().min().unwrap_or(0);
-    // The six-value mode always has the value 255, so its two end points only enclose the needed values below 255.
+    // The six-value mode includes the value 255, so its two end points need to enclose only the needed values below 255.
     let highest_below_full = needed.iter().copied().filter(|&v| v < 255).max().unwrap_or(254);
     let candidates = [(highest, lowest), (lowest.min(highest_below_full), highest_below_full)];
     let mut best: Option<(u32, [u8; 8])> = None;

@@ -1,7 +1,7 @@
-// Classification: the variant of a tile is the OR of the masks of its pixels. Each tile is appended to the list of its variant. List 0
+// Classification: the variant of a tile is the OR of the masks of its pixels. Each tile with terrain is appended to the list of its variant. List 0
 // holds every terrain tile, for the generic kernel; lists 1..31 hold the tiles of the variants.
 // The entry point, which computes the OR, is in plain.wgsl (workgroup atomics) or in subgroup.wgsl (subgroup operations). The two files
-// give equal results.
+// compute the same masks.
 
 // Edge length of a tile, pixels. One workgroup per tile, one invocation per pixel.
 override TILE: u32 = 8u;

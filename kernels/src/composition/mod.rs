@@ -1,11 +1,11 @@
 //! Composition: computes the picture of any variant from the pictures of single flavours.
 //!
 //! The G-buffer of a variant is a weighted sum over its flavours; only the normal must be normalised after the sum. The weights of a pixel follow
-//! only from its distance, its normal and the variant. So five shading passes and 31 weighted sums replace 31 shading passes. A composed picture is
-//! either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]). Lit pictures are computed by the functions of
-//! the stages `lighting` and `display`. Composed albedo equals the albedo of the variant's own shader up to one additional rounding to f16. Tests
-//! compare both signals for all 31 variants. Fetches and first choices are composed, too. Times are not: they are measured with the pipelines of the
-//! variants.
+//! from its distance, its normal, the variant and the rules of the scene. So five shading passes and 31 weighted sums replace 31 shading passes. A
+//! composed picture is either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]). Lit pictures are computed by
+//! the functions of the stages `lighting` and `display`. Composed albedo equals the albedo of the variant's own shader, except that the albedo of
+//! each flavour is also rounded to f16. Tests compare both signals for all 31 variants. Fetches and first choices are composed, too. Times are not:
+//! they are measured with the pipelines of the variants.
 //!
 //! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per
 //! 8 x 8 pixels.

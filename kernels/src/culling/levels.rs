@@ -47,7 +47,7 @@ impl Side {
 impl Levels {
     /// The levels of the patches of `nodes`. `log2_stride` returns log2 of the vertex stride that a patch should have, 0 to 4; its arguments are the
     /// index of the node, and the column and row of the patch. `log2_least`: log2 of the least stride, 0 to 2. A stride is lowered, but not below the
-    /// least stride, if it would weld the vertices of a finer node over more than one patch of that node. If the least stride does so too, all
+    /// least stride, if it could weld the vertices of a finer node over more than one patch of that node. If the least stride does so, too, all
     /// patches of the finer node have the least stride.
     pub fn new(nodes: &[NodeId], log2_least: u8, log2_stride: impl Fn(usize, [u32; 2]) -> u8) -> Levels {
         let side = usize::from(SECTORS);
@@ -88,8 +88,8 @@ impl Levels {
     }
 
     /// The levels for a view. [`Levels::new`] gets for each patch the largest of the strides 1, 2, 4, 8 and 16 such that this stride and all smaller
-    /// strides move the surface of the patch by at most `error_px` pixels on the screen. With an error of 0, all patches have the least stride,
-    /// 2^`log2_least`. The bound of the shift on the screen is the error of the patch with the stride ([`PatchBounds::errors_m`]) times
+    /// strides move the surface of the patch by at most `error_px` pixels on the screen. With an `error_px` of 0, all patches have the least stride,
+    /// 2^`log2_least`. The shift on the screen is bounded by the error of the patch with this stride ([`PatchBounds::errors_m`]) times
     /// [`View::shift_px_per_m`].
     ///
     /// [`PatchBounds::errors_m`]: crate::quadtree::PatchBounds::errors_m
@@ -129,7 +129,7 @@ impl Levels {
         Side::ALL.into_iter().map(|side| delta(side) << (4 * side as u32)).sum()
     }
 
-    /// Whether stitching moves vertices out of a patch, because the vertices on one of its sides are farther apart than the patch is wide.
+    /// Whether stitching may move vertices out of a patch, because the vertices on one of its sides are farther apart than the patch is wide.
     /// `deltas`: the packed deltas of the patch.
     pub fn reaches_out(deltas: u32) -> bool {
         (0..4).any(|side| (deltas >> (4 * side)) & 15 > LOG2_LARGEST_STRIDE)

@@ -1,9 +1,10 @@
 //! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops patches that cannot be visible, and packs LOD deltas for stitching.
 //!
-//! A patch is dropped if the box around its vertices is outside the frustum, or if all its triangles face away from the camera. The remaining patches
-//! are sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. Culling should change no pixel; tests check this
-//! with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much smaller than a pixel can face the camera
-//! after the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is seen, so the order of drawing counts.
+//! A patch is dropped if the box around its vertices is outside the frustum, or if its normal cone proves that all its triangles face away from the
+//! camera. The remaining patches are usually sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. Culling
+//! should change no pixel; tests check this with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much
+//! smaller than a pixel can face the camera after the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is
+//! seen, so the order of drawing counts.
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
 //! Reads the drawn nodes and their levels. Writes the patch list. Runs on the CPU.
 
@@ -61,9 +62,9 @@ pub struct DrawnNode<'a> {
 pub struct Culls {
     /// Whether a patch is tested against the frustum with its own range of heights. If not, the range of its node is used.
     pub patch_heights: bool,
-    /// Whether patches are removed if all their triangles face away from the camera.
+    /// Whether patches are removed if their normal cones prove that all their triangles face away from the camera.
     pub back_faces: bool,
-    /// Whether the nearest patches are drawn first, so that the device rejects hidden pixels before it shades them.
+    /// Whether the nearest patches are drawn first, so that the device can reject hidden pixels before it shades them.
     pub nearest_first: bool,
     /// Whether patches are removed if nearer patches hide them. It only has an effect with `nearest_first`.
     pub occlusion: bool,
@@ -132,7 +133,7 @@ pub struct Culled {
 pub struct CullCounts {
     /// Patches outside the frustum.
     pub outside: usize,
-    /// Patches of which all triangles face away from the camera.
+    /// Patches whose normal cones prove that all their triangles face away from the camera.
     pub facing_away: usize,
     /// Patches that nearer patches hide.
     pub hidden: usize,
@@ -156,7 +157,7 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
         let patch_m = layout.node_m(node.lod) / f64::from(PATCHES);
         for ((row, column), patch) in (0..PATCHES).flat_map(|row| (0..PATCHES).map(move |column| (row, column))).zip(patches) {
             let (deltas, log2_stride) = (levels.deltas(node, [column, row]), levels.log2_stride(node, [column, row]));
-            // If the vertices of a coarser neighbour are farther apart than the edge of a patch, stitching draws triangles outside the box of the
+            // If the vertices of a coarser neighbour are farther apart than the edge of a patch, stitching may draw triangles outside the box of the
             // patch. Such a patch is drawn whenever its node is visible.
             let reaches_out = Levels::reaches_out(deltas);
             let heights = if culls.patch_heights { patch.height_m } else { bounds.height_m };
@@ -195,7 +196,8 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
     culled
 }
 
-/// Whether all triangles of a patch face away from a camera. `low` and `high` are the corners of the box around the patch.
+/// Whether the normal cone of a patch proves that all its triangles face away from a camera. `low` and `high` are the corners of the box around the
+/// patch.
 fn faces_away(patch: &PatchBounds, [low, high]: [DVec3; 2], eye: &View) -> bool {
     let middle = (low + high) / 2.0;
     culling::faces_away(patch.cone.axis, patch.cone.sin_half_angle, (middle - eye.camera).to_array(), middle.distance(high))

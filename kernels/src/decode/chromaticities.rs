@@ -4,8 +4,8 @@ use std::fmt;
 
 use glam::{DMat3, DVec3};
 
-/// CIE 1931 chromaticities x, y of the primaries and of white, as a file states them. They may form no colour space, or be NaN. The text
-/// form is `R 0.64 0.33, G 0.3 0.6, B 0.15 0.06, white 0.3127 0.329`.
+/// CIE 1931 chromaticities x, y of the primaries and of white, as a file states them. They may form no colour space, or be NaN. `Display`
+/// writes them like this: `R 0.64 0.33, G 0.3 0.6, B 0.15 0.06, white 0.3127 0.329`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chromaticities {
     /// Red primary.
@@ -22,8 +22,8 @@ pub struct Chromaticities {
 const BRADFORD: DMat3 =
     DMat3::from_cols(DVec3::new(0.8951, -0.7502, 0.0389), DVec3::new(0.2664, 1.7135, -0.0685), DVec3::new(-0.1614, 0.0367, 1.0296));
 
-/// Largest difference from a coordinate of Rec. 709 that counts as rounding. Programs round the coordinates differently; the other colour
-/// spaces in use differ by more.
+/// Largest difference from a coordinate of Rec. 709 that counts as rounding. Programs round the coordinates differently. Other common colour
+/// spaces differ by more.
 const SAME: f32 = 1e-3;
 
 impl Chromaticities {
@@ -38,8 +38,8 @@ impl Chromaticities {
     }
 
     /// The matrix that converts linear colours of these primaries to linear colours of Rec. 709 (SMPTE RP 177-1993). If the whites differ,
-    /// they are adapted by Bradford's transform, so R = G = B stays R = G = B. `None` if the chromaticities form no colour space: the
-    /// primaries lie on one line, y of the white point is not above 0, or a number is NaN.
+    /// they are adapted by Bradford's transform, so R = G = B stays R = G = B. `None` if the chromaticities form no colour space, for
+    /// example because the primaries lie on one line, y of the white point is not above 0, or a number is NaN.
     pub fn to_rec_709(self) -> Option<DMat3> {
         if self.white[1] <= 0.0 {
             return None;

@@ -13,8 +13,8 @@ use crate::base::error::one_line;
 
 /// A file whose header has been read.
 pub struct Opened<'a> {
-    /// Gives the size and the metadata, and decodes the pixels. For PNG, it allocates at most 512 MiB, apart from the buffer of the caller. For
-    /// JPEG, there is no limit on memory.
+    /// Gives the size and the metadata, and decodes the pixels. For PNG, its memory is limited to 512 MiB, apart from the buffer of the caller. For
+    /// JPEG, its memory is not limited.
     pub decoder: Box<dyn ImageDecoder + 'a>,
     /// What a PNG says about its colours; nothing for JPEG.
     pub colours: Colours,
@@ -86,8 +86,8 @@ mod tests {
             let bytes = file.into_inner();
             let opened = open(Cursor::new(&bytes), format).unwrap_or_else(|fault| panic!("{fault}"));
             assert_eq!((opened.decoder.dimensions(), opened.colours), ((3, 2), Colours::default()), "{format:?}");
-            // All lengths are below 33 bytes, the length of signature and header of a PNG. A PNG that ends later can be opened, because its
-            // pixels are decoded later.
+            // All lengths are below 33 bytes, the length of signature and header of a PNG. A PNG that ends inside its pixels can be opened,
+            // because the pixels are decoded later.
             for length in [0, 10, 30] {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }

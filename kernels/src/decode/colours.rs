@@ -12,11 +12,11 @@ pub(super) const MAX_INFO_BYTES: usize = 1 << 26;
 /// sRGB. Source: libpng, `PNG_GAMMA_THRESHOLD_FIXED`.
 const GAMMA_TOLERANCE: f64 = 0.05;
 
-/// Descriptions of ICC profiles that are sRGB.
+/// Descriptions of ICC profiles that count as sRGB.
 const SRGB_PROFILES: [&str; 7] =
     ["sRGB", "sRGB IEC61966-2.1", "sRGB IEC61966-2-1", "sRGB IEC61966-2-1 black scaled", "sRGB built-in", "GIMP built-in sRGB", "sRGB2014"];
 
-/// The statements of a PNG file about its colours. An exponent or primaries that equal those of sRGB are left out.
+/// The statements of a PNG file about its colours. An exponent or primaries that are those of sRGB, apart from rounding, are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Colours {
     /// Codes are linear values to the power of this number.
@@ -37,8 +37,8 @@ pub struct CodePoints {
 }
 
 impl Colours {
-    /// Describes, for a message, the statement about colours that no reader applies: code points or an ICC profile, if they are not those of
-    /// sRGB. `None` if there is no such statement. `profile` is the ICC profile of the file. Code points take precedence over a profile (PNG,
+    /// Describes, for a message, the statement about colours that the readers do not apply: code points or an ICC profile, if they are not those
+    /// of sRGB. `None` if there is no such statement. `profile` is the ICC profile of the file. Code points take precedence over a profile (PNG,
     /// third edition, "Color chunk precedence").
     pub fn unapplied(&self, profile: Option<&[u8]>) -> Option<String> {
         match (&self.code_points, profile) {
@@ -49,7 +49,8 @@ impl Colours {
     }
 
     /// Reads the statements of a PNG file about its colours. Their precedence follows PNG (third edition), "Color chunk precedence": code
-    /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture is sRGB.
+    /// points (cICP), then a profile (iCCP), then sRGB, then exponent and primaries (gAMA, cHRM). Without any of these, a picture counts as sRGB.
+    /// A profile is not part of the result, see [`Colours::unapplied`].
     ///
     /// # Errors
     /// The header or the metadata cannot be read or are damaged, or the metadata or a row of pixels exceed 64 MiB.
@@ -85,7 +86,7 @@ impl Colours {
     }
 }
 
-/// Returns the name of an ICC profile, for a message; `None` if the profile is sRGB, so that nothing needs to be applied.
+/// Returns the name of an ICC profile, for a message; `None` if its description is one of [`SRGB_PROFILES`], so that nothing needs to be applied.
 fn unapplied_profile(profile: &[u8]) -> Option<String> {
     match description(profile) {
         Some(name) if SRGB_PROFILES.contains(&name.as_str()) => None,
@@ -94,7 +95,8 @@ fn unapplied_profile(profile: &[u8]) -> Option<String> {
     }
 }
 
-/// The description of an ICC profile: the tag `desc`, as multi-localised Unicode (ICC.1:2022, 10.15) or as text (ICC.1:2001-04, 6.5.17).
+/// The description of an ICC profile: the tag `desc`, as multi-localised Unicode (ICC.1:2022, 10.15) or as text (ICC.1:2001-04, 6.5.17). `None` if
+/// it is missing or damaged.
 fn description(profile: &[u8]) -> Option<String> {
     let number = |bytes: &[u8], at: usize| -> Option<usize> {
         let four: [u8; 4] = bytes.get(at..at.checked_add(4)?)?.try_into().ok()?;
@@ -168,7 +170,7 @@ mod tests {
         };
         for profile in [text("Display P3"), unicode("Display P3")] {
             assert_eq!(unapplied_profile(&profile).as_deref(), Some("the ICC profile `Display P3`"));
-            // A truncated profile is never taken for sRGB.
+            // A truncated profile must not count as sRGB.
             for length in 0..profile.len() {
                 assert!(unapplied_profile(&profile[..length]).is_some());
             }

@@ -1,27 +1,26 @@
-//! Reasons why a file cannot be read. Each kind of reason has a separate sentence, because the remedies differ.
+//! Reasons why a file cannot be read. They are divided into kinds, because the remedies differ.
 
 use std::fmt;
 use std::io;
 
-/// The reason why a file cannot be read. Its text is one sentence without the name of the file. The text may contain control characters,
-/// because it can quote the file or a decoder.
+/// The reason why a file cannot be read. `Display` writes the reason without the name of the file. If the reason is not an I/O error, the remedy
+/// follows. The text may contain control characters, because it can quote the file or a decoder.
 #[derive(Debug)]
 pub enum Fault {
     /// The operating system cannot read the file.
     Io(io::Error),
     /// The file ends too early, or violates its format. The string says what is wrong; `Display` adds the remedy.
     Damaged(String),
-    /// The file is intact, but two of its statements exclude each other. The string gives both statements; `Display` adds the remedy.
+    /// Two statements of the file exclude each other. The string gives the statements; `Display` adds the remedy.
     Contradictory(String),
-    /// The file is intact, but of a kind that cannot be used, or it does not fit the options. The string says what is wrong,
-    /// and gives the remedy.
+    /// The file is of a kind that cannot be used, or it does not fit the options. The string says what is wrong, and gives the remedy.
     Unsupported(String),
-    /// The file is intact, but a limit is exceeded. The string gives the limit and the remedy.
+    /// The file exceeds a limit. The string says what is too large, and gives the remedy.
     TooLarge(String),
 }
 
 impl Fault {
-    /// Converts an I/O error of a decoder. Decoders report truncated and corrupt data as I/O errors, too, but without an error number of
+    /// Converts an I/O error of a decoder. Decoders may report truncated and corrupt data as I/O errors, too, but without an error number of
     /// the operating system.
     pub fn of_io(error: io::Error) -> Fault {
         if error.raw_os_error().is_some() {

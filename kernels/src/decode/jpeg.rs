@@ -1,12 +1,12 @@
-//! Checks that a JPEG file is complete. If the end of a file is missing, decoders fill the missing part of the picture with invented
-//! pixels.
+//! Checks that a JPEG file contains the end of its picture. If the end is missing, decoders may fill the missing part of the picture with
+//! invented pixels.
 
 use super::fault::Fault;
 
-/// Checks that a JPEG file contains its picture up to the end.
+/// Checks that a JPEG file contains the end of its picture.
 ///
-/// The function goes from marker to marker (ITU-T T.81, B.1.1). A search for the last marker of the picture, EOI (end of image,
-/// B.1.1.3), is not enough: segments for applications (B.2.4.6) often contain a small JPEG file as a preview, which has an EOI, too. Bytes
+/// The function goes from marker to marker (ITU-T T.81, B.1.1). A picture ends with the marker EOI (end of image, B.1.1.3). A plain search for
+/// EOI is not enough: a segment for applications (B.2.4.6) may contain a small JPEG file as a preview, and the preview has an EOI, too. Bytes
 /// after the end of the picture are ignored.
 ///
 /// # Errors
@@ -14,8 +14,8 @@ use super::fault::Fault;
 pub(super) fn check_end(bytes: &[u8]) -> Result<(), Fault> {
     let mut rest = bytes;
     let mut has_scan = false;
-    // The search skips pairs of bytes that begin no segment. In the data of a scan, FF is followed by 00 or by a marker RST (FFD0 to FFD7;
-    // B.1.1.2, B.1.1.5). FF may also be repeated before a marker. SOI (FFD8) and TEM (FF01) have no segment.
+    // The search skips these pairs of bytes: FF 00 and the markers RST (FFD0 to FFD7), which occur in the data of a scan (B.1.1.2, B.1.1.5);
+    // FF FF, because FF may be repeated before a marker; and the markers SOI (FFD8) and TEM (FF01), which have no segment.
     while let Some(at) = rest.windows(2).position(|pair| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0x01 | 0xd0..=0xd8 | 0xff)) {
         match rest[at + 1] {
             0xd9 if has_scan => return Ok(()),

@@ -1,4 +1,5 @@
-//! Readers of external file formats. They return plain arrays of samples (for PNG and JPEG pictures: a decoder), and what a file says about them.
+//! Readers of the file formats of other programs. They return arrays of samples, and what the file says about the samples. For PNG and JPEG
+//! pictures, they return a decoder instead of samples.
 
 mod chromaticities;
 pub mod coded;

@@ -1,9 +1,8 @@
 //! Reads OpenEXR files: all parts, each with its windows, its chromaticities and the samples of all channels.
 //!
 //! Source: *OpenEXR File Layout* and *Technical Introduction to OpenEXR* (Academy Software Foundation). The crate `exr` parses headers
-//! and decompresses blocks. This module decides what is supported, checks sizes before memory is allocated, and requires that every
-//! block is there exactly once: the crate leaves pixels of missing blocks at 0. If a file has several resolution levels, only the
-//! largest level is read.
+//! and decompresses blocks. This module decides what is supported, checks sizes before memory is allocated, and refuses files with missing
+//! blocks, because the crate would leave their pixels at 0. If a file has several resolution levels, only the largest level is read.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -40,7 +39,7 @@ pub struct Limits {
     pub pixels: u64,
 }
 
-/// The samples and the description of one part of a file. A single-part file has exactly one part.
+/// The samples and the description of one part of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Name of the part; empty if the file gives none.
@@ -51,7 +50,7 @@ pub struct Part {
     pub display_window: Window,
     /// Width of a pixel divided by its height; 1 for square pixels.
     pub pixel_aspect: f32,
-    /// Primaries and white point that the file states; None = Rec. ITU-R BT.709 by convention.
+    /// Primaries and white point that the file states. `None`: by convention, those of Rec. ITU-R BT.709.
     pub chromaticities: Option<Chromaticities>,
     /// Name of the compression, such as `DWAA`, if it is lossy for the type of at least one channel.
     pub lossy: Option<&'static str>,
@@ -59,7 +58,7 @@ pub struct Part {
     pub channels: Vec<Channel>,
 }
 
-/// A rectangle of pixels. Its text form is `48 x 30 at (12, 10)`.
+/// A rectangle of pixels. `Display` writes it like this: `48 x 30 at (12, 10)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     /// Left column and top row; may be negative.
@@ -127,8 +126,8 @@ impl<'a> Channels<'a> {
         self.only(|channel| channel.base_name() == name).or_else(|| self.only(|channel| channel.base_name().eq_ignore_ascii_case(name)))
     }
 
-    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name takes precedence over base names,
-    /// even if it differs from `name` in upper and lower case: "y" is the channel "Y", even if there is a channel "mask.y".
+    /// The channel whose full or base name is `name`; None if there is none or more than one. A full name takes precedence over base names, and a
+    /// name in the same case over names in another case. For example, "y" is the channel "Y", even if there is a channel "mask.y".
     pub fn named(&self, name: &str) -> Option<&'a Channel> {
         self.only(|channel| channel.name == name)
             .or_else(|| self.only(|channel| channel.name.eq_ignore_ascii_case(name)))
@@ -169,13 +168,13 @@ pub fn read(input: impl BufRead + Seek, max_side: u32) -> Result<Vec<Part>, Faul
     read_within(input, Limits { side: max_side, pixels: u64::MAX })
 }
 
-/// Reads all parts of a file whose windows are within the limits.
+/// Reads all parts of a file. The windows of the parts must be within the limits.
 ///
 /// # Errors
-/// The text has one line, without the name of the file. [`Fault::Io`]: the operating system cannot read the file. [`Fault::Unsupported`]: deep
-/// data, subsampled channels, HTJ2K compression, integers that f32 cannot represent exactly, or a feature that the crate `exr` does not support.
-/// [`Fault::TooLarge`]: a window exceeds the limits, there are more than 2^31 samples, or a block has more than 2^28 bytes.
-/// [`Fault::Damaged`]: the file contradicts itself or ends too early, a block is missing, or two channels have the same name.
+/// [`Fault::Io`]: the operating system cannot read the file. [`Fault::Unsupported`]: deep data, subsampled channels, HTJ2K compression, integers
+/// that f32 cannot represent exactly, or a feature that the crate `exr` does not support. [`Fault::TooLarge`]: a window exceeds the limits, there
+/// are more than 2^31 samples, or a block has more than 2^28 bytes. [`Fault::Damaged`]: the file contradicts itself or ends too early, a block is
+/// missing, or two channels have the same name.
 pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec<Part>, Fault> {
     // The argument `true` makes the crate refuse attributes that it cannot decode. Otherwise, the crate would report an unknown compression
     // as a missing compression.
@@ -208,7 +207,7 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
     Ok(headers.iter().zip(samples).map(|(header, samples)| part(header, samples)).collect())
 }
 
-/// Checks, from the headers alone, that all features are supported and that no limit is exceeded.
+/// Checks what the headers alone tell: features that are not supported, channels with the same name, and sizes beyond the limits are refused.
 fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
     let mut all_samples = 0_u64;
     for header in headers {
@@ -379,7 +378,7 @@ fn text(name: &Text) -> String {
     String::from_utf8(name.as_slice().to_vec()).unwrap_or_else(|_| name.to_string())
 }
 
-/// The name that the export dialogs of other programs show for a compression.
+/// The name that the export dialogs of other programs usually show for a compression.
 fn name_of(compression: Compression) -> &'static str {
     match compression {
         Compression::Uncompressed => "NONE",
@@ -412,7 +411,7 @@ fn fault(error: Error) -> Fault {
         Error::Io(source) if source.kind() == ErrorKind::InvalidInput => damaged("a block of pixels lies outside the file"),
         Error::Io(source) => Fault::of_io(source),
         Error::Invalid(what) => damaged(&one_line(&what)),
-        // The crate returns this error only if its caller stops it, which this module never does.
+        // The crate returns this error only if its caller stops it. This module does not stop it.
         Error::Aborted => damaged("reading was stopped"),
     }
 }

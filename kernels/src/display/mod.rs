@@ -1,7 +1,7 @@
 //! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a [`ToneCurve`] maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). The metrics of the lit
-//! picture use the same function (`encode.wgsl`), without the rounding to 8 bits.
+//! Exposure in stops multiplies radiance by 2^stops; a [`ToneCurve`] maps it to the range of a screen, 0..=1; sRGB encodes it (IEC 61966-2-1). Values
+//! outside this range are clipped. The metrics of the lit picture use the same function (`encode.wgsl`), without the rounding to 8 bits.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
 
@@ -30,10 +30,11 @@ pub const STOPS: [f64; 2] = [-16.0, 16.0];
 /// How radiance is mapped to what a screen can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ToneCurve {
-    /// Reinhard's curve on luminance with a white point of [`WHITE`]; the ratios of the colour channels are kept.
+    /// Reinhard's curve on luminance with a white point of [`WHITE`]. It keeps the ratios of the colour channels; channels above 1 are clipped
+    /// afterwards.
     #[default]
     Reinhard,
-    /// Radiance above 1 is clipped.
+    /// No curve: radiance above 1, after exposure, is clipped.
     Clip,
 }
 
@@ -80,7 +81,7 @@ impl Exposure {
     }
 }
 
-/// The mapping from linear radiance to sRGB-encoded values.
+/// WGSL functions that map linear radiance to sRGB-encoded values.
 pub static ENCODE: Wgsl = Wgsl::new("display/encode.wgsl", include_str!("encode.wgsl"), &[&shared::USABLE]).with(&[
     ("DISPLAY_REINHARD", Constant::U32(ToneCurve::Reinhard.code())),
     ("DISPLAY_WHITE", Constant::real(WHITE)),

@@ -1,11 +1,11 @@
-//! Tone mapping in f64 and f32: the reference for `encode.wgsl`. Pictures that were averaged on the CPU are mapped by this reference, too.
+//! Tone mapping in f64 and f32: the reference for `encode.wgsl`. Pictures that the device did not tone-map are mapped by this reference, too.
 
 use super::{Exposure, ToneCurve, WHITE};
 use crate::base::colour::{luminance, srgb_from_linear};
 use crate::shared::real::Real;
 
-/// Maps linear radiance to sRGB-encoded values, 0..=1. A channel that is NaN becomes 0; with
-/// `ToneCurve::Reinhard`, all channels then become 0.
+/// Maps linear radiance to sRGB-encoded values, 0..=1. With `ToneCurve::Clip`, a channel that is NaN becomes 0. With `ToneCurve::Reinhard`, all
+/// channels become 0 if one is NaN or infinite, or if the luminance is not above 0.
 pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     let radiance = radiance.map(|c| c * T::of(exposure.factor()));
     let mapped = match exposure.tone_curve {

@@ -28,8 +28,9 @@ impl Renderer<'_> {
         Ok(Arrivals::new(schedule, selection.visited))
     }
 
-    /// Advances simulated streaming by one frame. Returns the residency with which the frame is drawn, and the selection of its nodes. The nodes that
-    /// it lacks are scheduled and arrive in later frames. A [`RenderRequest`] with this residency can be drawn until the next call of this method.
+    /// Advances simulated streaming by one frame. Returns the residency with which the frame is to be drawn, and the selection of its nodes. The
+    /// nodes that the frame lacks are scheduled, so that they arrive in later frames. A [`RenderRequest`] with this residency can be drawn at least
+    /// until the next call of this method.
     ///
     /// # Errors
     /// The same errors as [`Renderer::arrivals`].

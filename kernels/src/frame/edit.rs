@@ -16,7 +16,7 @@ use crate::variant::Flavour;
 /// Counts of the nodes and texture layers that were rebuilt because of edits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EditCounts {
-    /// Number of nodes whose splat map changed, or that have a material whose mean albedo, smoothness or specular occlusion changed.
+    /// Number of resident nodes whose splat map changed, or that have a material whose mean albedo, smoothness or specular occlusion changed.
     pub nodes: usize,
     /// Number of layers of detail textures that changed.
     pub textures: usize,
@@ -31,10 +31,11 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 }
 
 impl Renderer<'_> {
-    /// Replaces the scene, if the new scene requires the same flavours and differs only in parts that this renderer can change: name, description,
-    /// light, the distances and slopes of the flavours, the blend (except anisotropy and material contrast), cameras and paths. An
+    /// Replaces the scene, if the new scene requires the same flavours and differs only in parts that this renderer can change. These parts are name,
+    /// description, light, the rules of the flavours, cameras, paths, and the blend without anisotropy and material contrast. An
     /// [`editable`](crate::frame::RendererOptions::editable) renderer can also change materials, material contrast, splat rules and strokes. Only the
-    /// nodes, textures and pages that the change affects are rebuilt. Returns whether the scene was replaced; if not, nothing has changed.
+    /// nodes, textures and pages that the change affects are rebuilt. Returns whether the renderer now has the given scene; if not, nothing has
+    /// changed.
     ///
     /// # Errors
     /// When the scene is invalid, its cliffs begin at a slope that the world does not reach, or a texture cannot be loaded. In these cases, nothing
@@ -82,8 +83,8 @@ impl Renderer<'_> {
         Ok(true)
     }
 
-    /// Whether [`Renderer::retune`] with this scene builds a new palette. If no texture can be reused, building the palette takes as
-    /// long as making all textures of the scene.
+    /// Whether an editable renderer must build a new palette to take this scene ([`Renderer::retune`]). If no texture can be reused, building the
+    /// palette takes as long as making all textures of the scene.
     pub fn needs_textures(&self, scene: &Scene) -> bool {
         let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         textured(scene) != textured(&self.scene)
@@ -95,7 +96,7 @@ impl Renderer<'_> {
         self.replace_materials(false, Some(palette));
     }
 
-    /// Whether the textures are those of a sketch and not those of the scene.
+    /// Whether the textures are those of a sketch and not those of the scene. False if the renderer is not editable.
     pub fn is_sketch(&self) -> bool {
         self.palette.as_ref().is_some_and(|palette| palette.arrays.size != self.scene.detail_size)
     }
@@ -149,7 +150,7 @@ impl Renderer<'_> {
         self.edited.nodes += nodes;
         if nodes > 0 {
             // The geometry pass reads the normal atlas. Its compressed blocks store smoothness and specular occlusion together with the y of the
-            // normal. So a change of the materials also changes the decoded normals slightly, and the pass must run again.
+            // normal. So a change of the materials can also change the decoded normals slightly, and the pass must run again.
             self.drawn = None;
         }
     }

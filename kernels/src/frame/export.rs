@@ -45,8 +45,8 @@ fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
 const ENCODING: e::Encoding = e::Encoding { line_order: e::LineOrder::Increasing, ..e::Encoding::FAST_LOSSLESS };
 
 /// Writes the linear picture and its layers as OpenEXR, in f32. The channels of the picture are R, G, B and A. The channels of a layer are named
-/// `layer.channel`, as OpenEXR requires for layers within one part (Technical Introduction to OpenEXR, "Channel names"). The same picture always
-/// gives the same bytes.
+/// `layer.channel`, as OpenEXR requires for layers within one part (Technical Introduction to OpenEXR, "Channel names"). The picture must be lit. The
+/// same picture gives the same bytes in each run.
 ///
 /// # Errors
 /// When the file cannot be written.

@@ -1,4 +1,4 @@
-//! The frame: [`Renderer::draw`] calls the stages in order; the result of one stage is an argument of the next.
+//! The frame: [`Renderer::draw`] calls the stages that make a picture, in order. Results of a stage are arguments of later stages.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -86,13 +86,13 @@ pub struct Renderer<'a> {
     /// The palette before the current one. A comparison of two scenes, A and B, switches between two palettes, so the textures of the former palette
     /// can be reused.
     former: Option<Palette>,
-    /// Counts of the nodes and texture layers that were rebuilt because of edits since the last frame.
+    /// Counts of the nodes and texture layers that edits have caused to be rebuilt since the last frame.
     edited: EditCounts,
     streaming: Streaming,
     arrived: arrive::Arrived,
     terrain: Terrain,
     stages: Stages,
-    /// The shader texts that replaced embedded texts when the stages were built.
+    /// The shader texts that replaced embedded texts when the stages were built or last reloaded.
     sources: Arc<Sources>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
@@ -129,8 +129,8 @@ impl<'a> Renderer<'a> {
     /// Prepares a scene for drawing: world, palette, atlases, shaders.
     ///
     /// # Errors
-    /// When the data of the scene are wrong (the error gives file and reason), the cliffs of the scene begin at a slope that its world does not
-    /// reach, or a shader does not compile.
+    /// When data of the scene cannot be read or used, the cliffs of the scene begin at a slope that its world does not reach, a shader does not
+    /// compile, or the device fails.
     pub fn new(gpu: &Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         Renderer::with(gpu, scene, RendererOptions::default(), progress)
     }
@@ -152,7 +152,7 @@ impl<'a> Renderer<'a> {
         let sources = gpu.sources();
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let stages = Stages::build(Build { gpu, frame: &frame_layout, terrain: &terrain, demands: &demands, tile: options.tile })?;
-        // If the creation of a pipeline failed, the error is reported at this point and not with the first picture.
+        // An error of the device while the stages were built is reported at this point and not with the first picture.
         gpu.check()?;
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -201,19 +201,19 @@ impl<'a> Renderer<'a> {
         &self.gpu
     }
 
-    /// Elevation of the ground at the world position (`x`, `y`), metres, as drawn at the finest LOD. [`Renderer::drawn_ground_m`] returns the
-    /// elevation as a request draws it.
+    /// Elevation of the ground at the world position (`x`, `y`), metres, as drawn at the finest LOD and vertex stride 1. Holes are ignored.
+    /// [`Renderer::drawn_ground_m`] returns the elevation as a request draws it.
     pub fn ground_m(&self, x: f64, y: f64) -> f64 {
         self.world.surface_height_m(x, y)
     }
 
-    /// Mean linear albedo of each material of the scene, tint included. A material has this colour when it is seen from far away.
+    /// Mean linear albedo of each material of the scene, tint included. The colours of the far atlas are computed from these values.
     pub fn mean_albedos(&self) -> &[[f32; 3]] {
         &self.means.albedo
     }
 
-    /// Returns the page of the virtual texture that the last frame used for the area of `page`: `page` itself, or a coarser page that contains
-    /// `page`; `None` = the frame used no such page.
+    /// Returns the page of the virtual texture that the last frame used for the area of `page`: `page` itself or, if the frame did not use it, the
+    /// finest coarser page that contains it and that the frame used. `None` = the frame used no such page.
     pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
         self.stages.virtual_texture.serving(page)
     }
@@ -331,7 +331,7 @@ impl<'a> Renderer<'a> {
             self.stages.virtual_texture.rest()
         };
 
-        // Stage `shading`: write the G-buffer, by the variants that have tiles. Stage `lighting`: write linear HDR.
+        // Stage `shading`: write the G-buffer, by the variants that have tiles or by the generic kernel. Stage `lighting`: write linear HDR.
         let keys = self.warm(request, &tiles)?;
         let how = ShadingPass { keys: &keys, diagnostics: request.wants_diagnostics(), timed: request.outputs.time_variants };
         let pages_of_frame = &self.stages.virtual_texture;
@@ -399,9 +399,9 @@ impl<'a> Renderer<'a> {
         sections
     }
 
-    /// Draws the view once for each flavour in `flavours`. Each time, every pixel is shaded by this flavour alone, and the result is copied into
-    /// `layers`. From these layers, the picture of each variant that consists of these flavours can be composed. Fetches are counted and choices
-    /// recorded. The geometry of the last frame is reused if its [`GeometryKey`] is the same.
+    /// Draws the view once for each flavour in `flavours`. Each time, all terrain pixels are shaded by this flavour alone, and the result is copied
+    /// into `layers`. From these layers, the picture of a variant can be composed if all flavours of the variant are in `flavours`. Fetches are
+    /// counted and choices recorded. The geometry of the last frame is reused if its [`GeometryKey`] is the same.
     ///
     /// # Errors
     /// The same errors as [`Renderer::render`].
@@ -425,7 +425,8 @@ impl<'a> Renderer<'a> {
     /// Returns the geometry of the last frame drawn, which must be the geometry of `request`.
     ///
     /// # Errors
-    /// When nothing was drawn yet, or the last frame had a different geometry.
+    /// When nothing was drawn yet, the last frame had a different geometry, or its geometry was discarded since, for example by
+    /// [`Renderer::drawn_ground_m`] or [`Renderer::retune`].
     pub fn drawn_as(&self, request: &RenderRequest) -> Result<DrawnGeometry<'_, 'a>> {
         match (&self.targets, &self.drawn) {
             (Some(targets), Some(drawn)) if drawn.key == request.geometry_key() => Ok(DrawnGeometry::new(self, targets, *request)),
@@ -499,29 +500,29 @@ impl<'a> Renderer<'a> {
         culling::cull(&self.nodes_of(&selected.drawn), [view, eye], conditions)
     }
 
-    /// Elevation of the ground as the request draws it at the world position (`x`, `y`), metres: with its nodes, vertex strides and stitching.
-    /// [`Renderer::ground_m`] has all vertices of the finest LOD instead. `None` = the request draws no ground there. Nodes that are not resident are
-    /// loaded. The geometry of the last frame cannot be reused after this call.
+    /// Elevation of the ground at the world position (`x`, `y`), metres, with the nodes, vertex strides and stitching of the request. Culling is
+    /// ignored. [`Renderer::ground_m`] has all vertices of the finest LOD instead. `None` = there is no ground at this position: it is outside the
+    /// data, or a hole removes the triangle. Nodes that are not resident are loaded. The geometry of the last frame cannot be reused after this call.
     ///
     /// # Errors
     /// When [`RenderRequest::check`] refuses the request, its residency belongs to an earlier frame of simulated streaming ([`Renderer::arrive`]),
     /// the view needs more nodes than fit in the atlases, or the device fails.
     pub fn drawn_ground_m(&mut self, request: &RenderRequest, x: f64, y: f64) -> Result<Option<f64>> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
-        // The selection may replace nodes that the last frame used, so its geometry cannot be reused.
+        // The selection may replace nodes that the last frame used, so the geometry of that frame cannot be reused.
         self.drawn = None;
         let eye = self.eye(request);
         let Selected { drawn, levels, .. } = self.select(request, &eye)?;
         Ok(Surface { world: &self.world, drawn: &drawn, levels: &levels }.height_m(x, y))
     }
 
-    /// The view from which the request selects and culls.
+    /// The view from which the request selects nodes and culls patches.
     fn eye(&self, request: &RenderRequest) -> View {
         request.geometry.culled_from.map_or_else(|| self.view(request), |pose| self.view(&request.with(|r| r.view.pose = pose)))
     }
 
-    /// Builds the pipelines that a request needs and returns their keys. `tiles`: the number of tiles in the generic kernel's list and in the 31
-    /// lists of variants.
+    /// Builds the shading pipelines that a request needs and that do not exist yet. Returns the keys of all pipelines that the request needs.
+    /// `tiles`: the number of tiles in each list, first in the list of the generic kernel, then in those of the 31 variants.
     ///
     /// # Errors
     /// When a pipeline cannot be built.
@@ -550,8 +551,8 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // Frames without lighting are never displayed. So only the pipelines of lit frames are recorded as those of the displayed view, which a
-        // reload of the shaders builds at once.
+        // The pipelines of the displayed view are recorded, because a reload of the shaders builds them at once. A frame without lighting is not
+        // displayed, so its pipelines are not recorded.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }
@@ -559,7 +560,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Returns the demands of a scene. The anisotropy is lowered if the device cannot compile shaders with this anisotropy in reasonable time.
+/// Returns the demands of a scene. The anisotropy is 1 if the device compiles anisotropic shaders too slowly ([`Gpu::without_anisotropy`]).
 fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     let demands = Demands::of(scene);
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
@@ -567,7 +568,7 @@ fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
 
 /// Returns an error if the cliffs of the scene begin at a slope that the world does not reach.
 fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
-    // Computing the largest slope takes a tenth of a second, so it is computed only if the world is not known to be steep enough.
+    // Computing the largest slope can take a tenth of a second. The search of `is_as_steep_as` usually ends earlier, so it comes first.
     let asked = scene.flavours.cliff_slope_deg;
     if !scene.flavours.has_cliffs() || world.is_as_steep_as(asked) {
         Ok(())

@@ -30,7 +30,7 @@ impl AovSet {
     /// Returns the set of the layers with these names.
     ///
     /// # Errors
-    /// When a name is unknown. The error suggests the nearest known name.
+    /// When a name is unknown. The error lists the known names, and suggests the nearest one if it is similar.
     pub fn from_names<S: AsRef<str>>(names: &[S]) -> Result<AovSet> {
         let mut set = AovSet::default();
         for name in names {
@@ -81,7 +81,7 @@ pub struct Picture {
     pub displayed: Option<Vec<[u8; 4]>>,
     /// The requested layers, by name.
     pub layers: Vec<(String, Layer)>,
-    /// Device time of each pass, milliseconds.
+    /// Device time of each timed pass, milliseconds; empty if the device has no timestamps.
     pub passes: Vec<(String, f64)>,
     /// Mean fetches per terrain pixel, if they were counted.
     pub fetches_per_px: Option<f64>,

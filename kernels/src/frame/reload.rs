@@ -23,8 +23,8 @@ impl Renderer<'_> {
     /// pages of the virtual texture are rendered again if their shader changed. Existing meters and links ([`Renderer::meter`],
     /// [`Renderer::links`]) are not rebuilt; those that are made later are compiled from `sources`.
     ///
-    /// The shading pipelines of the displayed view are built at once. All other shading pipelines are built when a frame needs them. If such a build
-    /// fails, the frame fails.
+    /// If the shading stage is rebuilt, the shading pipelines of the displayed view are built at once. Other shading pipelines are built when a frame
+    /// needs them. If such a later build fails, the frame fails.
     ///
     /// # Errors
     /// When a shader does not compile (the error gives file, line and message), or no pipeline can be built from it (the error gives the changed

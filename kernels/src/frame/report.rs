@@ -14,15 +14,17 @@ use crate::world::NodeId;
 /// Numbers of one frame: what was drawn and loaded, and the times of the passes.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReport {
-    /// Time of each pass on the device. The times of passes of the same name are added.
+    /// Time on the device of each timed pass. The times of passes of the same name are added. Passes that render pages of the virtual texture are not
+    /// timed. Empty if the device has no timestamps.
     pub passes: Vec<PassTime>,
     /// Wall-clock time in which the CPU selected and loaded nodes, culled patches, and uploaded the list of patches, milliseconds; 0 if the
     /// geometry of the last frame was reused.
     pub selection_ms: f64,
     /// Number of nodes visited: the nodes selected for drawing, and their ancestors in the quadtree.
     pub visited: usize,
-    /// Number of nodes that were not resident and were therefore baked, for this frame and for earlier calls of methods that select nodes without
-    /// drawing, such as [`Renderer::drawn_ground_m`](crate::frame::Renderer::drawn_ground_m); 0 if the geometry of the last frame was reused.
+    /// Number of nodes that were baked for this frame, because they were not resident. It includes the nodes that were baked since the previous frame
+    /// by methods that select nodes without drawing, such as [`Renderer::drawn_ground_m`](crate::frame::Renderer::drawn_ground_m). 0 if the geometry
+    /// of the previous frame was reused.
     pub loaded: usize,
     /// Counts of the nodes and texture layers that were rebuilt since the previous frame, because the scene was edited.
     pub edited: EditCounts,
@@ -37,7 +39,7 @@ pub struct FrameReport {
     /// How much coarser the drawn nodes are than they would be if all nodes were available; zero if
     /// [`Residency::Settled`](crate::residency::Residency::Settled) was requested.
     pub lag: Lag,
-    /// The nodes selected for drawing; they cover the ground and do not overlap.
+    /// The nodes selected for drawing. They cover the ground and do not overlap.
     pub drawn: Vec<NodeId>,
     /// The levels of the patches of the nodes in `drawn`.
     pub levels: Arc<Levels>,

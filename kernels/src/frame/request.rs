@@ -18,11 +18,11 @@ use crate::view::normals::NormalEncoding;
 pub enum VariantChoice {
     /// Each tile is shaded by the variant that its pixels need.
     Auto,
-    /// Every tile is shaded by this variant; each of its flavours is evaluated on every pixel.
+    /// All tiles with terrain are shaded by this variant. Each of its flavours is evaluated on all terrain pixels.
     Forced(Variant),
-    /// The generic kernel shades every tile, with the flavours of the variant that `Auto` selects for the tile.
+    /// The generic kernel shades all tiles with terrain, each with the flavours of the variant that `Auto` selects for the tile.
     GenericAuto,
-    /// The generic kernel shades every tile, with this mask.
+    /// The generic kernel shades all tiles with terrain, with the flavours of this variant.
     GenericForced(Variant),
 }
 
@@ -56,8 +56,9 @@ pub struct GeometryRequest {
     /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn, see
     /// [`STRIDES`](crate::geometry::STRIDES). The textures of the ground keep their resolution.
     pub vertex_stride: u32,
-    /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch; 0 = every patch has the stride
-    /// `vertex_stride`. See [`Levels::of`](crate::culling::Levels::of).
+    /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch. The limit does not hold along
+    /// sides where patches with different vertices meet. 0 = all patches have the stride `vertex_stride`. See
+    /// [`Levels::of`](crate::culling::Levels::of).
     pub error_px: f64,
     /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
     /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
@@ -70,7 +71,8 @@ pub struct GeometryRequest {
     pub culls: Culls,
 }
 
-/// Everything that decides the results of the geometry pass for one renderer: two requests with equal keys have the same depth, mask and normals.
+/// The parts of a request that decide the results of the geometry pass. If a renderer keeps its scene, two requests with equal keys have the same
+/// depth, mask and normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryKey {
     /// The view.
@@ -90,9 +92,10 @@ pub struct ShadingRequest {
     pub noise: NoiseKind,
     /// Seed of the random choices of near cliff, far cliff and splat.
     pub seed: u32,
-    /// Frame index. It is the only time on which a picture depends; there is no clock.
+    /// Frame index, on which animated noise depends. Pictures do not depend on a clock.
     pub frame: u32,
-    /// Whether full splat blends two tiling scales, which takes 96 fetches.
+    /// Whether full splat blends two tiling scales, which doubles its fetches. Estimators without this option
+    /// ([`Estimator::has_two_tilings`]) ignore it.
     pub two_tilings: bool,
     /// Where the shaded sample lies in its pixel, for temporal supersampling.
     pub sample_pattern: SamplePattern,
@@ -180,7 +183,7 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 /// Refuses sizes that no picture can have on a device with these limits.
 ///
 /// # Errors
-/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`] pixels, or the device cannot hold the targets or tile lists.
+/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`] pixels, or a side or the tile lists exceed the limits of the device.
 pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let side = MAX_SIDE.min(limits.max_texture_dimension_2d);

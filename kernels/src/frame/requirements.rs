@@ -1,13 +1,12 @@
 //! What a scene requires, and what it does not require: flavours, variants, textures, passes, bytes.
 //!
-//! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats follow *Terrain Rendering in Far Cry 5* (Moore,
-//! GDC 2018), sections on terrain data and the virtual texture. `ARCHITECTURE.md` lists the differences.
+//! Parts that are not required are not compiled, allocated or dispatched, with the exceptions below. Sizes and formats follow *Terrain Rendering in
+//! Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture. `ARCHITECTURE.md` lists the differences.
 //!
-//! Exceptions: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. Each
-//! of the three page textures then has one unused layer, because a binding of the shading pass cannot be empty. The page table and the buffer of page
-//! requests (224 KiB each) are still allocated. Forcing a variant that contains `vt` is an error. In a scene without colour modulation, the atlas of
-//! colour modulation has one layer. Detail textures and the splat map always exist, even if no flavour samples them, because errors are measured
-//! against full splat, which samples them.
+//! Exceptions: in a scene without a virtual texture, each of the three page textures has one unused layer, because a binding of the shading pass
+//! cannot be empty. The page table and the buffer of page requests (224 KiB each) are still allocated. In a scene without colour modulation, the
+//! atlas of colour modulation has one layer. Detail textures and the splat map exist even if no flavour of the scene samples them, because errors are
+//! measured against full splat, which samples them.
 
 use std::fmt;
 
@@ -30,7 +29,7 @@ pub struct FlavourUse {
     pub name: &'static str,
     /// Whether a pixel of the scene may need this flavour.
     pub required: bool,
-    /// Fetches per pixel that this flavour should take with the estimator `fc5`.
+    /// Fetches per pixel that this flavour should take with the estimator `fc5`, without the fetch for colour modulation.
     pub fetches_per_px: u32,
     /// Why the flavour is required or not.
     pub reason: String,
@@ -43,7 +42,7 @@ pub struct Requirements {
     pub scene: String,
     /// All five flavours, in the order of their bits.
     pub flavours: Vec<FlavourUse>,
-    /// The variants that classification can produce: every non-empty set of required flavours, by number.
+    /// The variants that classification can produce: the non-empty sets of required flavours, in the order of their numbers.
     #[serde(serialize_with = "variant_names")]
     pub variants: Vec<Variant>,
     /// Whether the terrain has holes. If so, the vertex shader reads the alpha of the baked albedo.
@@ -52,7 +51,7 @@ pub struct Requirements {
     pub colour_modulation: bool,
     /// Textures whose size follows from the scene, required or not.
     pub textures: Vec<TextureUse>,
-    /// Textures of the picture's size, all required.
+    /// Textures of the picture's size, with the default encoding of normals. All are required.
     pub targets: Vec<TargetUse>,
     /// Passes in the order of the frame, required or not.
     pub passes: Vec<PassUse>,
@@ -90,12 +89,12 @@ impl Requirements {
         self.flavours.iter().any(|used| used.required && used.name == flavour.name())
     }
 
-    /// Bytes of all required textures, except the textures of the picture's size (see [`Requirements::bytes_per_px`]).
+    /// Bytes of all required textures whose size follows from the scene. Textures of the picture's size are in [`Requirements::bytes_per_px`].
     pub fn bytes(&self) -> u64 {
         self.textures.iter().filter(|t| t.required).map(|t| t.bytes).sum()
     }
 
-    /// Bytes per pixel of all textures of the picture's size.
+    /// Bytes per pixel of all textures of the picture's size together.
     pub fn bytes_per_px(&self) -> u32 {
         self.targets.iter().map(|t| t.bytes_per_px).sum()
     }

@@ -22,12 +22,12 @@ use crate::view::normals::NormalEncoding;
 /// Prefix of the keys of the settings of a frame.
 pub const FRAME: &str = "frame.";
 
-/// The value of `frame.variant` that selects no variant, so that each tile has the variant it needs.
+/// The value of `frame.variant` that forces no variant. Each tile then has the variant that its pixels need.
 const AUTOMATIC: &str = "auto";
 
 const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
 const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
-/// Settings that only have an effect on a sequence of pictures.
+/// Settings of streaming. They matter for sequences of pictures.
 const STREAMED: Listing = Listing::new("Streaming", &[Home::Definition, Home::Option]);
 /// This listing and the next two are for settings whose values a definition gives as lists: `variants`, `estimators` and `noises`.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
@@ -42,14 +42,14 @@ table! {
         /// The settings that stages declare.
         stages: StageSettings,
     {
-        /// The variant that shades every tile. `auto`: each tile is shaded by the variant that its pixels need.
+        /// The variant that shades all tiles of the terrain. `auto`: each tile is shaded by the variant that its pixels need.
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
         /// Shade with one generic pipeline, which reads the flavours of each tile at run time, instead of one pipeline per variant.
         generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
-        /// Method by which near cliff, far cliff and splat blend materials. `fc5` chooses at random as Far Cry 5 does, `exact` is the mean of these
-        /// choices; the others are alternatives from the literature.
+        /// Method by which near cliff, far cliff and splat blend materials. `fc5` is the method of Far Cry 5, with random choices on cliffs. `exact`
+        /// is the mean of these choices. The other methods are alternatives.
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
-        /// Pattern of the random numbers that decide which material and which projection a pixel takes.
+        /// Pattern of the random numbers that decide, for example, which material a pixel takes.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
         /// How the geometry pass stores the shading normal of a pixel and the plane of its triangle. Screen-space derivatives are computed on this
         /// plane.
@@ -59,30 +59,32 @@ table! {
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
         /// Give each frame a different seed: `seed` plus the number of the frame.
         reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed per frame");
-        /// Evaluate full splat at two tiling scales and blend both, which doubles its fetches: with `fc5`, 96 instead of 48. This has an effect only
-        /// with the estimators `fc5`, `exact` and `biplanar`.
+        /// Blend full splat from two tiling scales. This doubles its fetches of materials, with `fc5` from 48 to 96. Estimators other than `fc5`,
+        /// `exact` and `biplanar` ignore this setting.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
-        /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
+        /// Draw terrain nodes this many levels coarser. This affects geometry, splat map and baked colours. Values below 0 draw finer nodes, up to a
+        /// limit that keeps the number of nodes small. In pictures with 1080 rows or more, 0 usually reaches this limit, so lower values change
+        /// nothing.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
             GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
-        /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn. Textures keep their
+        /// Smallest vertex stride of a patch. With a stride of n, every n-th vertex along the side of a patch is drawn. Textures keep their
         /// resolution, but ridges lose detail. On a software adapter, the default of the workbench is 4.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
-        /// Draw fewer vertices of a patch where the ground then moves by at most this distance on the screen, except where patches with different
-        /// vertices meet. 0 draws all vertices that the vertex stride leaves.
+        /// Draw fewer vertices of a patch if this moves its ground by at most this distance on the screen. The limit does not hold along sides at
+        /// which patches with different vertices meet. 0: this setting has no effect.
         geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
-        /// Which terrain nodes can be drawn. `settled`: all, so each picture waits for its nodes. `scheduled`: only those that have arrived, so
-        /// pictures of a moving camera show coarser ground where nodes are late. All nodes of the first picture have arrived.
+        /// Which terrain nodes can be drawn. `settled`: all nodes, so each picture waits for its nodes. `scheduled`: the nodes that have arrived, so
+        /// pictures of a moving camera show coarser ground where nodes are late. A sequence starts with the nodes of its first picture.
         residency: Loading = Loading::Settled, "", Kind::Name(|| Loading::ALL.map(Loading::name).to_vec()), STREAMED;
         /// Largest number of nodes that are requested per frame if residency is scheduled.
         nodes_per_frame: u32 = Schedule::default().nodes_per_frame, "", Kind::Whole(1, CAPACITY), STREAMED;
         /// Number of frames from the request of a node to the first frame that can draw it, if residency is scheduled.
         latency: u32 = Schedule::default().latency_frames, "frames", Kind::Whole(1, 600), STREAMED;
-        /// Edge length of a tile of the screen, the area that one variant shades.
+        /// Edge length of the tiles into which the picture is divided. Each tile is shaded by one variant.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// The area whose pixels share a variant when the metric `tile_fetches_per_px` is computed: each tile of the screen, or each patch of the
-        /// terrain. The shading passes always use tiles.
+        /// The area whose pixels share a variant when the metric `tile_fetches_per_px` is computed: a tile of the picture, or a patch of the terrain.
+        /// The shading passes use tiles in both cases.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }
@@ -148,8 +150,8 @@ impl FrameSettings {
         settings::check(settings(), self)
     }
 
-    /// Returns these settings with one difference: exposure and tone curve have the values of `other`. They change how a picture is displayed, not
-    /// what is rendered.
+    /// Returns these settings with the exposure and the tone curve of `other`. Exposure and tone curve change how a picture is displayed, not what is
+    /// rendered.
     #[must_use]
     pub fn looked_at_as(mut self, other: &FrameSettings) -> FrameSettings {
         self.stages.display = other.stages.display;
@@ -172,8 +174,8 @@ impl FrameSettings {
         (self.residency == Loading::Scheduled).then_some(schedule)
     }
 
-    /// The request of a frame with these settings, with settled residency ([`Renderer::arrive`](super::Renderer::arrive) gives the residency of
-    /// a scheduled frame). The tile size is an option of the renderer ([`super::RendererOptions`]).
+    /// The request of a frame with these settings. Its residency is settled; for scheduled residency, [`Renderer::arrive`](super::Renderer::arrive)
+    /// gives the residency of a frame. The request does not contain `tile`, which is an option of the renderer ([`super::RendererOptions`]).
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
         RenderRequest {
             view: ViewRequest { pose, size, jitter: [0.0; 2] },

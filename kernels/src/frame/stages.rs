@@ -1,4 +1,4 @@
-//! The table of all stages that are built from shaders and used to draw, in the order of the frame.
+//! The table of the stages that a renderer builds from shaders, in the order of the frame.
 
 use super::FrameSettings;
 use crate::base::error::{Error, Result};
@@ -21,12 +21,12 @@ use crate::virtual_texture::VirtualTexture;
 
 macro_rules! stages {
     ($($(#[$doc:meta])* $field:ident: $stage:ty,)*) => {
-        /// Every stage of a renderer.
+        /// The stages of the table, built for one renderer.
         pub(super) struct Stages {
             $($(#[$doc])* pub(super) $field: $stage,)*
         }
 
-        /// The settings of every stage, by its name; `()` = the stage has none.
+        /// The settings of each stage of the table, by the name of the stage; `()` = the stage has no settings.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct StageSettings {
             $(#[doc = concat!("Settings of the stage `", stringify!($field), "`.")] pub $field: <$stage as Stage>::Settings,)*
@@ -46,12 +46,12 @@ macro_rules! stages {
             }
         )*
 
-        /// The settings of all stages, in the order of the frame.
+        /// The settings of all stages of the table, in the order of the frame.
         pub fn stage_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
             [$(<$stage as Stage>::Settings::table::<$stage, FrameSettings>()),*].into_iter().flatten()
         }
 
-        /// The targets of every stage, by the name of the stage; `()` = the stage has no targets that depend on the picture's size.
+        /// The targets of each stage of the table, by the name of the stage; `()` = the stage has no targets that depend on the picture's size.
         pub struct Targets {
             $(#[doc = concat!("Targets of the stage `", stringify!($field), "`.")] pub $field: <$stage as Stage>::Targets,)*
             size: [u32; 2],
@@ -70,7 +70,7 @@ macro_rules! stages {
             }
         }
 
-        /// The declaration of every stage, in the order of the frame.
+        /// The declaration of each stage of the table, in the order of the frame.
         pub const DECLARATIONS: &[&Declaration] = &[$(&<$stage>::DECLARATION),*];
 
         impl Stages {
@@ -121,11 +121,10 @@ stages! {
     composition: Composition,
 }
 
-/// Modules of the passes that link frames. These passes are not in the table; they are compiled when [`Links`](crate::motion::Links) or a meter is
-/// made.
+/// Modules of the pass that links frames. This pass is not in the table; it is compiled when [`Links`](crate::motion::Links) or a meter is made.
 pub const FOLLOWING: [&ShaderModule; 1] = [&motion::MODULE];
 
-/// Every WGSL file that a renderer uses, each once, in alphabetical order of their paths.
+/// The WGSL files of the stages of the table and of [`FOLLOWING`], each once, in alphabetical order of their paths.
 pub fn shader_files() -> Vec<&'static Wgsl> {
     let modules = DECLARATIONS.iter().flat_map(|stage| stage.modules.iter().copied()).chain(FOLLOWING);
     let mut files: Vec<&Wgsl> = modules.flat_map(ShaderModule::files).collect();

@@ -41,7 +41,7 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     if HAS_EDGE {
         // A vertex beyond the data is drawn at the nearest point of the data; the atlas stores the height of that point for the vertex. The move
         // comes after stitching and depends only on the position, so nodes on both sides of a border move their common vertices to the same place.
-        // Triangles beyond the data collapse to zero area, except those that stitching stretches into the data: they close the gap to a coarser node.
+        // Triangles beyond the data usually collapse to zero area. Stitching stretches some into the data; they close the gap to a coarser node.
         drawn = clamp(at, frame.data_low, frame.data_high);
         in_node += (drawn - at) / p.spacing;
     }

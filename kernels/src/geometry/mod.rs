@@ -1,4 +1,4 @@
-//! Geometry pass: draws the visible patches in phases, with one indirect draw for each phase and vertex stride, into depth, stencil, classification
+//! Geometry pass: draws the visible patches in phases, with one indirect draw for each phase and vertex stride. Writes depth, stencil, classification
 //! mask and two normals.
 //!
 //! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
@@ -74,8 +74,8 @@ struct Ground {
     has_edge: bool,
 }
 
-/// Accepted values of the setting `frame.vertex_stride`, the least vertex stride of all patches. A stride of n draws every n-th vertex along the side
-/// of a patch.
+/// Accepted values of the setting `frame.vertex_stride`, the least vertex stride of all patches. With a stride of n, every n-th vertex along the side
+/// of a patch is drawn.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// WGSL functions for stitching, which need no bindings.
@@ -270,14 +270,15 @@ pub const ARGUMENT_WORDS: u32 = 5;
 /// The least number of patches of the last phase, if there are several phases.
 const LEAST_OF_PHASE: u32 = 64;
 
-/// In [`PatchList::order`], each batch begins at a multiple of this number of elements, because a binding must begin at a multiple of 256 bytes.
+/// In [`PatchList::order`], each batch begins at a multiple of this number of elements, because devices may require that a binding begins at a
+/// multiple of 256 bytes.
 const ORDER_STEP: u32 = 64;
 
 /// The ends of all phases except the last, as shares of the patches. With four phases (0.1, 0.25, 0.5), more patches are culled, but software Vulkan
 /// then takes longer with the camera `ground`, because each further phase builds a depth pyramid and loads the targets again.
 const PHASE_ENDS: [f64; 1] = [0.25];
 
-/// Divides patches into phases. `ends`: the ends of all phases except the last, as shares of the patches. An end is skipped if fewer than
+/// Divides patches into phases. `ends`: the wanted ends of all phases except the last, as shares of the patches. An end is skipped if fewer than
 /// [`LEAST_OF_PHASE`] patches would follow it. There is always at least one phase; without patches, it is empty.
 fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     let mut phases = Vec::new();
@@ -319,7 +320,7 @@ struct Batches {
 
 impl Batches {
     /// Divides patches into phases and batches. `log2_strides`: log2 of the vertex strides of the patches, in the order in which the patches are
-    /// given. In a batch, this order is kept.
+    /// given. In a batch, this order is kept. `ends`: as in [`phases`].
     fn of(log2_strides: &[u32], ends: &[f64]) -> Batches {
         let mut out = Batches { batches: Vec::new(), patches: Vec::new(), phases: 0 };
         let mut order = 0u32;
@@ -345,7 +346,8 @@ pub struct PatchList {
     patches: wgpu::Buffer,
     /// The boxes of the patches ([`PatchBox`]).
     pub boxes: wgpu::Buffer,
-    /// For each patch, whether occlusion culling lets it be drawn.
+    /// For each patch of a phase after the first, whether occlusion culling lets it be drawn. The entries of the patches of the first phase are not
+    /// used.
     pub shown: wgpu::Buffer,
     /// The indices of the patches in the order of drawing, see [`Batch::order`].
     pub order: wgpu::Buffer,

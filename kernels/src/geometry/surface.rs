@@ -66,7 +66,7 @@ impl Surface<'_> {
 
 /// Returns the triangles of a node near a position: those of the quads next to the position. If the position is next to a side of a patch, the
 /// triangles of all quads along that side are included, because stitching moves vertices along sides. If stitching moves vertices out of a patch, all
-/// triangles of the patch are included.
+/// triangles of the patch are included. Some triangles farther away are included, too, such as those in the corners of a patch.
 pub fn triangles_near(node: NodeId, layout: &Layout, levels: &Levels, at: DVec2) -> Vec<NodeTriangle> {
     let at = (at - node.origin_m(layout)) / layout.spacing_m(node.lod);
     let mut triangles = Vec::new();
@@ -171,7 +171,7 @@ mod tests {
         let edge = layout.node_m(0);
         let mut differs = 0.0f64;
         for i in 0..300 {
-            // In the patches in the middle of the node, nothing is stitched.
+            // With `every_vertex`, nothing is stitched in the middle of the node.
             let at = corner + DVec2::new(0.25 + 0.5 * unit(i, 1), 0.25 + 0.5 * unit(i, 2)) * edge;
             let found = surface(&every_vertex).height_m(at.x, at.y).expect("ground");
             assert!((found - world.surface_height_m(at.x, at.y)).abs() < 1e-9, "{found} at {at}");

@@ -1,5 +1,5 @@
-//! Explicit bind-group layouts: lists with one [`Binding`] for each binding. They are never derived from a shader, because textures must be bound
-//! even if only dead branches use them.
+//! Explicit bind-group layouts: lists with one [`Binding`] for each binding. Layouts are not derived from shaders, because a derived layout could
+//! lack textures that only dead branches use.
 
 use crate::gpu::{Gpu, Shader};
 

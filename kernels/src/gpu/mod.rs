@@ -33,7 +33,7 @@ const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
     (wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, "16-bit unorm textures", "heights are R16_UNORM"),
 ];
 
-/// Features that are used if the adapter has them. Pictures are the same without them.
+/// Features that are used if the adapter has them. Pictures should be the same without them.
 const OPTIONAL: [(wgpu::Features, &str); 3] = [
     (wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"),
     (wgpu::Features::SUBGROUP, "subgroup operations"),
@@ -45,7 +45,7 @@ const OPTIONAL: [(wgpu::Features, &str); 3] = [
 pub struct AdapterReport {
     /// Name given by the driver.
     pub name: String,
-    /// Graphics interface: vulkan, metal, dx12.
+    /// Graphics interface, such as vulkan, metal or dx12.
     pub backend: String,
     /// Type of the adapter, such as `DiscreteGpu`, `IntegratedGpu` or `software`.
     pub device_type: String,
@@ -101,13 +101,13 @@ fn report(adapter: &wgpu::Adapter) -> AdapterReport {
     }
 }
 
-/// All adapters of this machine with a driver for Vulkan, Metal or Direct3D 12, in the order in which the system lists them.
+/// The adapters of this machine with a driver for Vulkan, Metal or Direct3D 12, in the order in which wgpu lists them.
 pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }
 
-/// Returns the usable adapters, of which there is at least one. Hardware adapters come before software adapters. If the environment variable
-/// `WGPU_ADAPTER_NAME` is set, only adapters whose name contains its value are returned.
+/// Returns the usable adapters, or an error if there is none. Hardware adapters come before software adapters. If the environment variable
+/// `WGPU_ADAPTER_NAME` is set, only adapters whose name contains its value are returned; upper and lower case count as equal.
 fn ranked() -> Result<Vec<wgpu::Adapter>> {
     let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
     if found.is_empty() {
@@ -206,7 +206,7 @@ impl Gpu {
         Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
-    /// Whether the adapter runs on the CPU. Only ratios of the times measured on such an adapter are meaningful.
+    /// Whether the adapter runs on the CPU. On such an adapter, only ratios of times are meaningful.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
@@ -223,7 +223,7 @@ impl Gpu {
         if self.without_anisotropy().is_some() { 1 } else { wanted }
     }
 
-    /// Fails if the device has reported an error since the last call.
+    /// Fails if the device has reported an error outside of error scopes since the last call.
     ///
     /// # Errors
     /// The first error that the device has reported since the last call, with the device's own message.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 
-/// Reads the first `size` bytes, rounded up to a multiple of 4, of a buffer with usage `COPY_SRC`. Waits for the device.
+/// Reads the first `size` bytes of a buffer with usage `COPY_SRC`. `size` is rounded up to a multiple of 4. Waits for the device.
 ///
 /// # Errors
 /// When the device is lost or reported an error.

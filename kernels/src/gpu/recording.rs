@@ -1,4 +1,4 @@
-//! Records the passes of a frame. One object holds what every pass needs, so a stage receives only its own inputs and outputs as further arguments.
+//! Records the passes of a frame. One object holds what the passes share, so a stage receives only its own inputs and outputs as further arguments.
 
 use crate::base::error::Result;
 use crate::gpu::bindings::view;

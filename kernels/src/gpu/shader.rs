@@ -39,7 +39,7 @@ impl ShaderModule {
     /// Compiles the module. Texts in the device's [`Sources`](crate::gpu::Sources) replace the embedded texts of their files.
     ///
     /// # Errors
-    /// The compiler rejects the module; the error has file, line and message.
+    /// The compiler rejects the module. The error has the message and, if the compiler gives a position, file and line.
     pub fn compile(&self, gpu: &Gpu) -> Result<Shader> {
         Shader::new(gpu, self.name, self.pieces())
     }
@@ -50,7 +50,7 @@ impl Shader {
     /// file.
     ///
     /// # Errors
-    /// The compiler rejects the module; the error has file, line and message.
+    /// The compiler rejects the module. The error has the message and, if the compiler gives a position, file and line.
     pub fn new(gpu: &Gpu, label: &str, mut pieces: Vec<Piece>) -> Result<Shader> {
         let sources = gpu.sources();
         for piece in &mut pieces {
@@ -85,8 +85,8 @@ impl Shader {
 }
 
 impl Gpu {
-    /// Runs `make` in error scopes. Returns its result and, in one line, the validation or internal error that it caused, if any. This error is not
-    /// reported anywhere else. Errors of other threads, out-of-memory errors and the loss of the device are not captured.
+    /// Runs `make` in error scopes. Returns its result and, in one line, a validation or internal error that it caused, if any. [`Gpu::check`] does
+    /// not report such errors. Errors of other threads, out-of-memory errors and the loss of the device are not captured.
     pub(crate) fn caught<T>(&self, make: impl FnOnce() -> T) -> (T, Option<String>) {
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
@@ -97,7 +97,7 @@ impl Gpu {
     }
 }
 
-/// Joins the causes of an error into one line. `text` lists them below a title, one per line.
+/// Joins the causes of an error into one line. `text` lists the causes below a title, one per line. If it lists no causes, all its lines are joined.
 fn chain(text: &str) -> String {
     let causes = text.split_once("Caused by:").map_or(text, |(_, causes)| causes);
     causes.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(": ")
@@ -110,7 +110,7 @@ fn summary(complaint: &str) -> String {
     let title = lines().take_while(|line| !line.starts_with('┌')).collect::<Vec<_>>().join(" ");
     let what = title.split_once("error: ").map_or(title.as_str(), |(_, what)| what);
     let at_place = lines().filter_map(|line| line.strip_prefix('│')?.rsplit_once("^ "));
-    // Labels that only name a type of naga are left out.
+    // Labels that only name an internal item of naga are left out.
     let at_place = at_place.map(|(_, words)| words).filter(|words| !words.starts_with("naga::"));
     let notes = lines().filter_map(|line| line.strip_prefix("= "));
     let details: Vec<&str> = at_place.chain(notes).collect();

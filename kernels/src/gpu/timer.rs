@@ -82,7 +82,7 @@ impl Timer {
     ///
     /// # Errors
     /// When the device is lost or reported an error, or when there were more passes than the timer holds. In the last case, no times are returned,
-    /// because callers could not tell that the list is incomplete.
+    /// because callers could not see that the list is incomplete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());

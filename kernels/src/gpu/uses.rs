@@ -6,7 +6,7 @@ use serde::Serialize;
 /// A pass of the frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PassUse {
-    /// The pass's name, as in timings.
+    /// The pass's name.
     pub name: &'static str,
     /// Number of pipelines of the pass. The shading pass has one for each variant that tiles may need, and one for the generic kernel.
     pub pipelines: u32,
@@ -90,7 +90,8 @@ impl TargetUse {
     }
 }
 
-/// A format as WebGPU spells it: `bc1-rgba-unorm-srgb`, `depth32float-stencil8`, `r16unorm`.
+/// A format as WebGPU spells it, such as `bc1-rgba-unorm-srgb`, `depth32float-stencil8` or `r16unorm`. Formats that Scree does not use may be spelled
+/// differently.
 fn spelled(format: wgpu::TextureFormat) -> String {
     let name = format!("{format:?}").replace("Srgb", "-srgb").replace("Stencil8", "-stencil8");
     let name = if name.starts_with("Bc") { name.replace("Rgba", "-rgba-") } else { name };

@@ -1,6 +1,6 @@
 //! The materials of an imported scene. Finds the materials in a folder of images, and lists the files that are used and those that are not.
 //!
-//! A material is accepted only after the [loader](crate::materials::folder) has read all its maps, so a scene that was imported can be drawn.
+//! A material is accepted only after the [loader](crate::materials::folder) has read all its maps.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
@@ -27,22 +27,23 @@ const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "grave
 const MAX_DEPTH: usize = 16;
 /// Largest number of files and folders below the folder of materials. A folder that contains more was probably given by mistake.
 const MAX_ENTRIES: usize = 100_000;
-/// Largest number of lines of one kind, such as `refused`, in the text of a survey.
+/// Largest number of lines `refused`, and of lines `not used`, in the text of a survey. A further line says how many are not
+/// listed.
 const MOST_LINES: usize = 50;
-/// Largest number of characters in the name of a material that is taken from a folder.
+/// Largest number of characters in the name of a material, without the number that [`make_unique`] may append.
 const LONGEST_NAME: usize = 80;
 /// Largest size of one repeat of a texture, metres. Scene files have the same limit.
 const MAX_TILE_M: f64 = 1.0e5;
 /// Edge to which a survey resamples all maps, texels. A survey only compares normals with the slopes of heights, so small maps are enough.
 const SURVEY_SIZE: u32 = 128;
 /// Normals and slopes agree if their correlation is above this number, and contradict each other if it is below minus this number. Scanned
-/// materials have correlations of 0.1 to 0.9.
+/// materials usually have correlations of 0.1 to 0.9.
 const CORRELATED: f64 = 0.3;
 
 /// Names of folders that say nothing about the material in them.
 const GENERIC: [&str; 8] = ["textures", "texture", "maps", "images", "1k", "2k", "4k", "8k"];
 
-/// The contents of a folder of images. Its text is a list for the user: several lines, without a line break at the end.
+/// The contents of a folder of images. `Display` writes them as a list for the user: several lines, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialSurvey {
     /// The folder.
@@ -51,7 +52,7 @@ pub struct MaterialSurvey {
     pub found: Vec<Found>,
     /// Materials that cannot be drawn.
     pub refused: Vec<Refused>,
-    /// Files and folders that no material uses, with the reasons. They include maps of a material that are not used, such as a second normal map.
+    /// Files and folders that are not used, with the reasons. They include unused maps of a material that can be drawn, such as a second normal map.
     pub unused: Vec<Unused>,
 }
 
@@ -86,7 +87,7 @@ pub enum Tile {
     Given(f64),
     /// The name of the folder or of a file states the size.
     Named(f64),
-    /// The size is usual for the kind of ground that the name of the material states.
+    /// No name states the size. This size is usual for the kind of ground, which is guessed from the name of the material.
     Assumed(f64),
 }
 
@@ -121,8 +122,9 @@ pub(super) fn go_on(stopped: &dyn Fn() -> bool) -> Result<()> {
 /// Finds the materials in a folder and its sub-folders, and reads all their maps. A sub-folder may contain one material, or several
 /// materials, which the names of the files tell apart. Links are followed, but no folder is read twice.
 ///
-/// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. All other files and folders
-/// are listed as unused, except text files: those in the folder of a material are copied with its images ([`chosen`]).
+/// A group of files with at least two kinds of maps is a material. If it cannot be drawn, it is refused with a reason. Files that belong to no
+/// material are listed as unused, and so are folders that are empty or cannot be searched. Text files are not listed: those in the folder of a
+/// material are copied with its images ([`chosen`]).
 ///
 /// `stopped`: called before each group of materials that are read in parallel; returns whether the user wants to stop.
 ///
@@ -180,7 +182,7 @@ pub(super) fn procedural() -> Vec<Material> {
     PROCEDURAL.iter().map(|name| material(name, Role::of(name).tile_m())).collect()
 }
 
-/// A procedural material.
+/// A material with default settings and the procedural texture `name`.
 fn material(name: &str, tile_m: f64) -> Material {
     Material {
         name: name.to_owned(),
@@ -394,7 +396,7 @@ fn name_of(folder: &Path, set: &Set, is_only: bool) -> String {
     plain(&if is_generic { folder.parent().map(name).unwrap_or_default() } else { own })
 }
 
-/// Text that is valid as the name of a material and of a folder on all systems.
+/// Changes a text so that it is valid as the name of a material and, on the usual systems, as the name of a folder.
 fn plain(text: &str) -> String {
     let safe = safe(text);
     let name = safe.trim_matches([' ', '.']);
@@ -412,14 +414,13 @@ fn plain(text: &str) -> String {
     name.chars().take(LONGEST_NAME).collect::<String>().trim_end_matches([' ', '.']).to_owned()
 }
 
-/// Replaces the characters that are not allowed in names of files on some systems.
+/// Replaces characters by `_`: those that are not allowed in names of files on some systems, and other unusual ones.
 fn safe(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || "-_+(). ".contains(c) { c } else { '_' }).collect()
 }
 
 /// Makes the names unique, even on systems that do not distinguish upper and lower case. A name that occurs more than once is replaced by
-/// the path from `root` to the folder, followed by the name if the path does not end with it. If the result also occurs more than once, a number is
-/// appended.
+/// the path from `root` to the folder, followed by the name if the path does not end with it. If a name is still taken, a number is appended.
 fn make_unique(root: &Path, places: &mut [Place]) {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for place in places.iter() {
@@ -475,8 +476,8 @@ impl Place {
     }
 }
 
-/// Returns a remark if the normals contradict the slopes of the heights. The usual reason is a wrong convention of the normal map, OpenGL
-/// or DirectX.
+/// Returns a remark if the normals contradict the slopes of the heights. If only green contradicts them, the convention of the normal map is probably
+/// wrong (OpenGL or DirectX). `reading`: how the normal map was read.
 fn opposition(maps: &MaterialMaps, reading: Reading) -> Option<String> {
     let size = maps.size as usize;
     let height = |column: usize, row: usize| maps.height.get(row % size * size + column % size).copied().map_or(0.0, f64::from);

@@ -5,7 +5,7 @@
 pub(super) enum Role {
     /// Vegetation.
     Green,
-    /// Soil, and every name that contains no known word.
+    /// Soil, and materials whose names contain no word for another role.
     Soil,
     Rubble,
     Rock,
@@ -14,9 +14,10 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Returns the role of a material with this name. Upper and lower case are equal, except where a capital letter begins a word, as in `IceCliff`.
+    /// Returns the role of a material with this name. Upper and lower case count as equal, but a capital letter after a small one begins a word, as
+    /// in `IceCliff`.
     pub(super) fn of(name: &str) -> Role {
-        // `ice` must be a whole word, because it is part of other words, such as `lattice`. A capital letter after a small one begins a word.
+        // `ice` must be a whole word, because it is part of other words, such as `lattice`.
         let mut words = String::new();
         for c in name.chars() {
             if c.is_uppercase() && words.ends_with(char::is_lowercase) {

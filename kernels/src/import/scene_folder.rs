@@ -16,7 +16,7 @@ use crate::world::rules::Rules;
 use crate::world::{Layout, World};
 
 /// Largest number of samples without data that can become holes; [`examine`] refuses a heightmap with more. Each such sample becomes a circle, and
-/// each vertex near the holes is tested against all circles.
+/// vertices near the holes are tested against all circles.
 const MAX_HOLES: usize = 512;
 
 /// Radius of the hole at a sample without data, as a multiple of the distance between samples. The radius is above half the diagonal of
@@ -34,18 +34,18 @@ pub struct ImportOptions {
     pub read: ReadOptions,
     /// A folder that holds materials, see [`materials::survey`]; without it, the scene has procedural materials.
     pub materials: Option<PathBuf>,
-    /// Size of one repeat of every texture, metres. `None`: each size is taken from the names of folders and files or, if no name states
-    /// it, from the kind of ground.
+    /// Size of one repeat of every texture of the folder `materials`, metres. `None`: each size is taken from the names of folders and files or, if
+    /// no name states it, from the kind of ground. Without the folder, the size is ignored.
     pub tile_m: Option<f64>,
     /// Limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With 0, no relief
     /// is added, and the finest LOD follows from the resolution of the data.
     pub detail_m: f64,
 }
 
-/// The result of reading the files of an import. Its text is a list for the user: several lines, without a line break at the end.
+/// The result of reading the files of an import. `Display` writes it as several lines for the user, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Understood {
-    /// Name of the scene: the name of the heightmap file without its extension.
+    /// Name of the scene, see [`name_of`].
     name: String,
     map: Heightmap,
     report: Report,
@@ -134,13 +134,13 @@ impl Understood {
         &self.report
     }
 
-    /// Notes for the user about the files, one line each. The text of [`Understood`] contains these notes, too.
+    /// Notes for the user about the files, one line each.
     pub fn notes(&self) -> Vec<String> {
         let of_materials = self.materials.iter().flat_map(MaterialSurvey::notes);
         self.report.notes.iter().cloned().chain(of_materials).collect()
     }
 
-    /// Checks that all materials can be drawn.
+    /// If a folder of materials was given: checks that it has materials, and that all can be drawn.
     ///
     /// # Errors
     /// The errors of [`MaterialSurvey::check`].
@@ -149,14 +149,15 @@ impl Understood {
     }
 
     /// Writes the scene folder. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest), `scene.toml`
-    /// (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if the materials have images, a folder
-    /// `materials/` with the images that are used. The folder is made either completely or not at all. Returns the scene as written.
+    /// (materials, rules that suit the slopes and elevations, and four cameras) and, if the materials have images, a folder `materials/` with the
+    /// images that are used and the texts beside them. The scene folder is made either completely or not at all. Returns the scene.
     ///
     /// `stopped`: called between the steps of the work; returns whether the user wants to stop. If so, no folder is left behind.
     ///
     /// # Errors
-    /// [`Error::Request`] if `out_dir` exists and is not an empty folder, or if the user stopped; the errors of [`materials::chosen`];
-    /// [`Error::Material`] if a texture repeats too often for the size of the world; [`Error::File`] and [`Error::Image`] if writing fails.
+    /// [`Error::Request`] if `out_dir` exists and is not an empty folder, or if the user stopped; the errors of [`materials::chosen`] and
+    /// [`World::new`]; [`Error::Material`] if a texture repeats too often along a sector; [`Error::File`], [`Error::Image`] or [`Error::Scene`] if
+    /// writing fails.
     pub fn write(&self, out_dir: &Path, stopped: &dyn Fn() -> bool) -> Result<Scene> {
         refuse_occupied(out_dir)?;
         let go_on = || materials::go_on(stopped);
@@ -207,8 +208,8 @@ impl Understood {
         };
         let bare = World::from_heightmap(map.clone(), *detail_m, 1, holes.clone(), 0.0, Rules::new(&scene), scene.materials.len());
         let steepest = bare.max_slope_deg();
-        // The slope at which cliffs begin depends on the steepest slope of the terrain: 45 degrees if the steepest slope is 55 degrees or more,
-        // 0.8 times the steepest slope if that is 25 to 55 degrees, and 90 degrees, which means no cliffs, for gentler terrain.
+        // The slope at which cliffs begin depends on the steepest slope of the terrain, so that terrain of moderate slopes has cliffs, too. The value
+        // 90 degrees means no cliffs.
         scene.flavours.cliff_slope_deg = match steepest {
             s if s >= 55.0 => 45.0,
             s if s >= 25.0 => (0.8 * s).round(),
@@ -277,8 +278,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
     let mut rules = Vec::new();
     for role in [Role::Green, Role::Soil, Role::Rubble, Role::Rock, Role::Snow] {
         for (nth, material) in materials.iter().filter(|m| Role::of(&m.name) == role).enumerate() {
-            // The first material of vegetation, of rock and of snow has no noise, so it covers all ground of its role. Every other material
-            // occurs in patches; `noise_m` gives their size, `noise_cover` the share of the ground that they cover.
+            // The rules of the first materials of vegetation, rock and snow have no noise, so noise leaves no gaps in them. Other materials occur
+            // in patches: `noise_m` gives the size of the patches, `noise_cover` the share of the ground that they cover.
             let (noise_m, noise_cover) = match (role, nth) {
                 (Role::Green | Role::Rock | Role::Snow, 0) => (0.0, 0.5),
                 (Role::Soil, 0) => (35.0, 0.22),

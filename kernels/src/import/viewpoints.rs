@@ -1,7 +1,7 @@
 //! Finds four viewpoints in a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
-//! Candidates come from a coarse grid. Each candidate is scored with a grid of rays or with samples of the ground in front of the camera.
-//! For each viewpoint, the candidate with the highest score is chosen. Nothing is random: a world always gets the same viewpoints.
+//! The candidates are camera poses at or near the points of a coarse grid. Each candidate is scored with rays or with samples of the ground in front
+//! of the camera. For each viewpoint, the candidate with the highest score is chosen. Nothing is random, so the same scene gets the same viewpoints.
 
 use rayon::prelude::*;
 
@@ -42,9 +42,9 @@ struct Hit {
 /// Names of the cameras that [`find`] returns.
 pub const NAMES: [&str; 4] = ["cliff", "ground", "vista", "grazing"];
 
-/// Finds the four cameras: `cliff` (steep faces at distances from 4 to 320 m), `ground` (2 m above a border between vegetation and bare rock or
-/// rubble), `vista` (a far view roughly towards the centre of the world) and `grazing` (along a slope that is seen almost edge-on). Positions have
-/// absolute elevations.
+/// Looks for the four cameras: `cliff` (steep faces at distances from 4 to 320 m), `ground` (2 m above a border between vegetation and bare rock or
+/// rubble), `vista` (a far view roughly towards the centre of the world) and `grazing` (along a slope that is seen almost edge-on). If there is no
+/// suitable place for a camera, it stands at the centre of the world and looks north. Positions have absolute elevations.
 pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     let places = survey(world);
     let steep_deg = scene.flavours.cliff_slope_deg.min(world.max_slope_deg() * 0.85);
@@ -85,7 +85,8 @@ fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
-/// Returns where a ray first meets the ground; `None` if it meets no ground within `reach` metres, or if it meets a hole or leaves the data first.
+/// Returns about where a ray first meets the ground; `None` if it meets no ground within `reach` metres, or if it meets a hole or leaves the data
+/// first. Thin ridges may be missed, because the ray is searched in steps.
 fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option<Hit> {
     let at = |t: f64| [0, 1, 2].map(|k| eye[k] + direction[k] * t);
     let above = |t: f64| {
@@ -115,7 +116,7 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
             return None;
         }
         near = t;
-        // `gap` is the vertical distance to the ground. Ground is rarely steeper than 60 degrees, so about half of `gap` is a safe step.
+        // `gap` is the vertical distance to the ground. Ground is rarely steeper than 60 degrees, so about half of `gap` is usually a safe step.
         // Far away, coarse steps are enough.
         t += (0.45 * gap).max(0.6).max(0.012 * t);
     }
@@ -177,7 +178,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
     for wall in thin(walls, 50) {
         let slope = wall.gradient[0].hypot(wall.gradient[1]);
         let uphill = wall.gradient.map(|g| g / slope);
-        // Go down from the wall to the first ground whose slope is clearly below that of walls.
+        // Go downhill from the wall, in steps of 2 m, to the first ground whose slope is clearly below that of walls.
         let foot = (2..40).map(|i| 2.0 * f64::from(i)).find_map(|d| {
             let place = place_at(world, wall.x - uphill[0] * d, wall.y - uphill[1] * d);
             (place.slope_deg < steep_deg * 0.8).then_some(place)
@@ -199,7 +200,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         for hit in hits.iter().flatten().filter(|h| h.slope_deg > steep_deg && h.distance >= 4.0) {
             bins[((hit.distance / 5.0).log2().max(0.0) as usize).min(5)] += 1.0;
         }
-        // Surfaces nearer than 8 m lower the score if they fill more than 15 % of the picture, because they hide everything else.
+        // Surfaces nearer than 8 m lower the score if they fill more than 15 % of the picture, because they hide what is behind them.
         let pressed = hits.iter().flatten().filter(|h| h.distance < 8.0).count() as f64 / hits.len() as f64;
         let full = hits.len() as f64 / 9.0;
         bins.iter().map(|b| (b / full).min(1.0).sqrt()).sum::<f64>() - 2.0 * (sky - 0.35).max(0.0) - 4.0 * (pressed - 0.15).max(0.0)
@@ -207,7 +208,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
     best(poses, score).unwrap_or_else(|| fallback(world))
 }
 
-/// Returns the best pose at a border between vegetation and bare rock or rubble.
+/// Returns the best pose at a border between vegetation and bare rock or rubble; [`fallback`] if there is no such border on gentle ground.
 fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
     let role = |x: f64, y: f64| {
         let index = usize::from(world.material_at(x, y));

@@ -1,12 +1,11 @@
 //! Lighting: computes linear HDR radiance from the G-buffer, the sun and the sky.
 //!
 //! The sun is one directional light. The ground reflects it by a Lambertian diffuse term and a GGX specular term with height-correlated Smith
-//! visibility. The radiance of the sky is linear in the sine of the elevation angle, so the irradiance of the sky has an exact formula (first-order
-//! spherical harmonics). The specular reflection of the sky uses an analytic fit of the split-sum table (`shared::brdf`).
-//! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
+//! visibility. The radiance of the sky is linear in the sine of the elevation angle, so its irradiance follows from first-order spherical harmonics
+//! in a closed formula. The specular reflection of the sky uses an analytic fit of the split-sum table (`shared::brdf`).
+//! Reads the G-buffer and depth. Writes RGBA32Float: the radiance of terrain and sky; alpha is 1 on terrain and 0 on sky. One full-screen triangle.
 //!
-//! Limits: one sun without shadows, and a sky that is linear in the sine of the elevation angle. The terrain does not occlude the sky, and there is
-//! no indirect light.
+//! Limits: the sun casts no shadows, the terrain does not occlude the sky, and there is no indirect light.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
@@ -30,7 +29,7 @@ pub struct Lighting {
     layout: wgpu::BindGroupLayout,
 }
 
-/// The radiance of a point of the G-buffer.
+/// WGSL functions that compute the radiance of the sky and of a point of the G-buffer.
 pub static LIGHT: Wgsl = Wgsl::new("lighting/light.wgsl", include_str!("light.wgsl"), &[&view::WGSL, &shared::BRDF, &shared::OCTAHEDRAL])
     .with(&[("LIGHTING_F0", Constant::real(reference::F0))]);
 

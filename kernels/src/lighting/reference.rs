@@ -38,10 +38,10 @@ pub fn sky_radiance<T: Real>(light: &Light<T>, direction: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| (light.horizon[k] + (light.zenith[k] - light.horizon[k]) * direction[2]).max(T::zero()))
 }
 
-/// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. The radiance is a + b z, where z
-/// is the z component of the direction. The integral is then pi (a + 2/3 b `normal[2]`), because the coefficients of the cosine lobe in spherical
-/// harmonics of the orders 0 and 1 are pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001, *An Efficient Representation for Irradiance Environment Maps*,
-/// equation 8). The formula is exact only if a + b z is nowhere below 0.
+/// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. Let the radiance be a + b z,
+/// where z is the z component of the direction. The integral is then pi (a + 2/3 b `normal[2]`), because the coefficients of the cosine lobe in
+/// spherical harmonics of the orders 0 and 1 are pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001, *An Efficient Representation for Irradiance
+/// Environment Maps*, equation 8). If a + b z is below 0 in a part of the hemisphere, the result is too small. A result below 0 is replaced by 0.
 pub fn sky_irradiance<T: Real>(light: &Light<T>, normal: [T; 3]) -> [T; 3] {
     let two_thirds = T::of(2.0 / 3.0);
     let pi = T::of(std::f64::consts::PI);
@@ -56,8 +56,8 @@ fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
 ///
 /// Light of the sun is reflected in two ways: as diffuse light (albedo / pi, times 1 minus the Fresnel reflectance) and as specular light (GGX).
 /// Light of the sky is also reflected in two ways: as diffuse light (albedo / pi, times irradiance) and as specular light (the fit of the split-sum
-/// table, times the radiance from the mirror direction). The dot product of the normal and `to_eye` is raised to at least 0.001, as in the shader,
-/// except for the mirror direction: at grazing angles, the normal of the G-buffer may face away from the eye.
+/// table, times the radiance from the mirror direction). At grazing angles, the normal of the G-buffer may face away from the eye. The dot product of
+/// the normal and `to_eye` is therefore raised to at least 0.001, as in the shader. The mirror direction uses the dot product as it is.
 pub fn radiance<T: Real>(surface: &Surface<T>, light: &Light<T>, to_eye: [T; 3]) -> ([T; 3], [T; 3]) {
     let n = surface.normal;
     let half = octahedral::unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_irradiance_of_the_sky_is_the_integral_of_its_radiance() {
-        // The formula is exact only if the radiance is above 0 everywhere. This horizon is bright enough for that.
+        // The formula is exact if the radiance is above 0 everywhere. This horizon is bright enough for that.
         let light = Light { horizon: [1.0, 2.0, 0.9], ..LIGHT };
         let count = 20_000;
         for n in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [0.0, -0.6, -0.8]] {
@@ -126,8 +126,8 @@ mod tests {
         let ambient = sky_irradiance(&LIGHT, surface.normal);
         for k in 0..3 {
             let received = LIGHT.sun_irradiance[k] * 0.8 + ambient[k];
-            // Diffuse and specular light of the sun share the received light, so their sum cannot exceed it. The specular light of the sky is added
-            // to its full diffuse light, so the total can exceed the received light by a few per cent.
+            // Diffuse and specular light of the sun share the received light by the Fresnel reflectance. The specular light of the sky is added to
+            // its full diffuse light, so the total can exceed the received light by a few per cent.
             assert!(out[k] > 0.9 * received && out[k] < 1.06 * received, "{k}: {} of {received}", out[k]);
         }
     }

@@ -107,13 +107,13 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
     CompressedLayers { albedo, normal, height }
 }
 
-/// Weights of the errors in red, green and blue that the compression of the albedo array minimises.
+/// Weights with which the compression of the albedo array counts errors in red, green and blue.
 const ALBEDO: [f32; 3] = [1.0, 1.0, 1.0];
-/// Weights of the errors in red, green and blue of the normal array: errors of the normal (green) are more visible than errors of smoothness
-/// (red), and errors of smoothness are more visible than errors of occlusion (blue).
+/// The same weights for the normal array: errors of the normal (green) are more visible than errors of smoothness (red), and errors of smoothness are
+/// more visible than errors of occlusion (blue).
 const NORMAL: [f32; 3] = [0.3, 1.0, 0.15];
-/// Weights of the errors in red, green and blue of the height array: height (red) affects every blend, the colour mask (green) matters only in tinted
-/// materials, and blue is constant.
+/// The same weights for the height array: height (red) affects how materials are blended, the colour mask (green) matters only in tinted materials,
+/// and blue is constant.
 const HEIGHT: [f32; 3] = [1.0, 0.5, 0.0];
 
 /// Returns all levels of an image, from `size`² to 1x1. Each level is quantised by `to_bytes` and compressed.

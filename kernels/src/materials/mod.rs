@@ -68,7 +68,7 @@ pub struct MaterialMeans {
 }
 
 impl MaterialMeans {
-    /// Exact means (summed in f64) of `maps` under a linear RGB `tint`.
+    /// Means (summed in f64) of `maps` under a linear RGB `tint`.
     pub fn of(maps: &MaterialMaps, tint: [f64; 3]) -> MaterialMeans {
         TextureMeans::of(maps).tinted(tint)
     }
@@ -128,8 +128,8 @@ pub struct PaletteEntry {
     pub height_layer: u32,
     /// Bit field: [`FLAG_TINTED`], and from bit [`LAYER_SHIFT`] on the layer that represents the material in the estimator `luna8`.
     pub flags: u32,
-    /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that coordinates stay exact far from the
-    /// origin.
+    /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that texture coordinates do not lose precision
+    /// far from the origin.
     pub per_sector_fixed: [i32; 2],
     /// cos and sin, divided by the size of one repeat, 1/m; for coordinates inside a sector.
     pub per_metre: [f32; 2],
@@ -199,13 +199,13 @@ impl Palette {
     /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
     ///
     /// `sector_m` is the edge of a sector in metres; the entries hold the number of repeats per sector. `progress` is called from worker threads
-    /// with a line of text when a texture is begun; if it returns an error, `build` stops and returns this error. The result depends only on the
-    /// scene and `sector_m`.
+    /// with a line of text when a texture is begun; if it returns an error, `build` stops with an error. The result depends on the scene, its image
+    /// files, and `sector_m`.
     ///
     /// # Errors
     /// The error that `progress` returns; no materials or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a
-    /// `detail_size` that is not a power of two in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector has
-    /// [`MAX_REPEATS_PER_SECTOR`] repeats or more; and the errors of [`folder::load`].
+    /// `detail_size` that is not a power of two in 64..=2048; an unknown procedural name; a material with both or neither of `procedural` and
+    /// `folder`; and the errors of [`check_repeats`] and [`folder::load`].
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
         Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
@@ -234,7 +234,8 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
-    /// Returns the indices of the layers that differ from the layers of `before`; `None` if the number or the size of the layers differs.
+    /// Returns the indices of the layers whose source, material contrast or means differ from those of the same layer of `before`; `None` if the
+    /// number or the size of the layers differs.
     pub fn fresh_layers(&self, before: &Palette) -> Option<Vec<usize>> {
         let alike = self.arrays.size == before.arrays.size && self.layers.len() == before.layers.len();
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
@@ -257,7 +258,7 @@ impl Palette {
         if !size.is_power_of_two() || !(64..=2048).contains(&size) {
             return Err(of_scene(format!("detail_size = {size}: give a power of two from 64 to 2048")));
         }
-        // First check everything that needs no texture, because reading a texture takes seconds.
+        // First check what needs no texture, because reading a texture may take seconds.
         let mut sources: Vec<(Source, &str)> = Vec::new();
         let mut layer_of = Vec::with_capacity(count);
         for material in &scene.materials {
@@ -344,9 +345,9 @@ impl Palette {
 /// The colour towards which the mean colours of materials are moved: 18 % grey, the middle grey of photographic metering.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. All texels of a channel are multiplied
-/// by the same factor, so that the relative contrast inside a texture does not change, except that products above 1 are set to 1. The wanted mean
-/// of each channel is limited to the range from 0.005 to 0.95.
+/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. The wanted mean of each channel is limited to
+/// the range from 0.005 to 0.95. All texels of a channel are multiplied by the same factor, so that the relative contrast inside a texture does not
+/// change. Products above 1 are then set to 1.
 fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     if (contrast - 1.0).abs() < f64::EPSILON {
         return;
@@ -374,7 +375,7 @@ fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
 /// Checks that the textures of the materials do not repeat too often along a sector, whose edge is `sector_m` metres.
 ///
 /// # Errors
-/// [`Error::Material`]: a texture repeats [`MAX_REPEATS_PER_SECTOR`] times or more.
+/// [`Error::Material`]: a texture repeats [`MAX_REPEATS_PER_SECTOR`] times or more, or the size of its repeat or its rotation is not a usable number.
 pub fn check_repeats(materials: &[Material], sector_m: f64) -> Result<()> {
     materials.iter().try_for_each(|material| placement(material, sector_m).map(drop))
 }
@@ -394,7 +395,7 @@ fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])>
         ));
     }
     let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
-    // Whole repeats beyond 8 bits wrap around. This changes no texture coordinate, because textures repeat.
+    // Whole repeats beyond 8 bits wrap around. This does not change the picture, because textures repeat.
     let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i64 as i32;
     Ok(([fixed(repeats * cos), fixed(repeats * sin)], [(cos / tile_m) as f32, (sin / tile_m) as f32]))
 }

@@ -5,8 +5,8 @@
 //! *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (F2 - F1, the difference of the
 //! distances to the two nearest points, is 0 on cell borders); hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
-//! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks the same at every resolution. Octaves of noise that are too
-//! fine for the resolution are left out.
+//! The unit of length is one repeat of the texture (u, v in 0..1), so a recipe looks about the same at every resolution. Octaves of noise that
+//! are too fine for the resolution are left out.
 
 use std::f32::consts::{PI, TAU};
 
@@ -68,8 +68,8 @@ pub fn relief(name: &str) -> Result<f32> {
     Ok(recipe(name, name)?.relief)
 }
 
-/// Makes a material: `size` x `size` texels (at least 8) that tile in both directions. The result depends only on `name`, `size` and
-/// `seed`.
+/// Makes a material: `size` x `size` texels (at least 8) that tile in both directions. On one machine, equal `name`, `size` and `seed` give equal
+/// results.
 ///
 /// The normal is (-A dh/du, -A dh/dv, 1), normalised, where h is the height map and A = [`relief`]`(name)`. The derivatives are central
 /// differences that wrap around. The features have natural sizes if one repeat is 2 to 4 m wide.
@@ -182,7 +182,7 @@ struct Field {
 }
 
 impl Field {
-    /// Maps the values linearly to 0..1, so that the smallest becomes 0 and the largest becomes 1.
+    /// Maps the values linearly to 0..1, so that the smallest becomes 0 and the largest becomes 1. Equal values become 0.
     fn stretched(self) -> Field {
         let (low, high) = self.v.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
@@ -211,7 +211,7 @@ impl Field {
     }
 
     /// Applies three equal box filters, which together are nearly a Gaussian. `radius` is in repeats. Each box extends by 0.6 times `radius` to
-    /// either side, rounded to whole texels.
+    /// either side, rounded to whole texels and limited to the range from 1 texel to a quarter of the edge.
     fn blur(&self, radius: f32) -> Field {
         let reach = ((radius * self.n as f32 * 0.6).round() as usize).clamp(1, self.n / 4);
         let mut v = self.v.clone();
@@ -256,7 +256,7 @@ fn transposed(v: &[f32], n: usize) -> Vec<f32> {
     out
 }
 
-/// Cell noise: for each texel, properties of the nearest feature point.
+/// Cell noise: for each texel, properties of the nearest feature points.
 struct Cells {
     /// Random 32-bit number of the nearest point.
     id: Vec<u32>,
@@ -391,8 +391,8 @@ impl Bench {
         out
     }
 
-    /// Elements on a jittered grid of `across` x `across` cells, so that they cover the ground evenly. Each element has a position and a
-    /// separate sequence of random numbers.
+    /// Elements on a jittered grid: one at a random position in each of `across` x `across` cells. Each element has a position and a separate
+    /// sequence of random numbers.
     fn scatter(&self, across: u32, salt: u32) -> impl Iterator<Item = ([f32; 2], Dice)> {
         (0..across * across).map(move |i| {
             let mut dice = self.dice(salt, i);
@@ -422,7 +422,7 @@ struct Stamp<S> {
     shape: S,
 }
 
-/// A surface on which shapes are drawn. Where several shapes overlap, the highest is visible.
+/// A surface on which shapes are drawn. Where several shapes overlap, the highest is visible; at its edge, it is blended with the others.
 struct Canvas {
     n: usize,
     texels: Vec<Texel>,
@@ -519,14 +519,14 @@ impl Stone {
         let start = dice.unit() * TAU;
         let planes = std::array::from_fn(|k| {
             if k < 2 {
-                // Two gently sloping faces on top, which meet in a ridge.
+                // Two gently sloping faces on top, which meet in a line.
                 let (s, c) = dice.between(0.0, TAU).sin_cos();
                 let tilt = dice.between(0.05, 0.45);
                 [c * tilt, s * tilt, top - sunk]
             } else {
                 let angle = start + (k as f32 - 2.0 + dice.between(-0.3, 0.3)) * TAU / 7.0;
                 let (s, c) = angle.sin_cos();
-                // Faces whose normal lies across the long axis are closer to the centre.
+                // On average, faces whose normal lies across the long axis are closer to the centre.
                 let along = c * cos + s * sin;
                 let distance = radius * mix(aspect, 1.0, along * along) * dice.between(0.75, 1.0);
                 let steep = dice.between(0.7, 2.2);
@@ -654,7 +654,8 @@ fn warp(bench: &Bench, waves: u32, salt: u32) -> [Field; 2] {
     [bench.fbm(waves, 4, salt), bench.fbm(waves, 4, salt + 1)]
 }
 
-/// Facets: each cell is a tilted plane with a random offset in -1..1. `tilt` is the slope of the plane: change of height per width of a cell.
+/// Facets: each cell is a plane, tilted in a random direction, with a random offset in -1..1. `tilt` is the slope of the plane: the change of height
+/// per width of a cell.
 fn facet(cells: &Cells, i: usize, tilt: f32) -> f32 {
     let id = cells.id[i];
     let (sin, cos) = (unit(id.wrapping_mul(0x9e37_79b1)) * TAU).sin_cos();
@@ -763,7 +764,7 @@ fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough
     let texel = 1.0 / bench.n as f32;
     canvas.draw(stones, |stone, d, i| {
         let (h, face) = stone.height(d);
-        // The faces of a broken stone weather differently, so the brightness depends on the face.
+        // The faces of a stone weather differently, so the brightness depends on the face.
         let shade = 0.92 + 0.03 * (face % 7) as f32;
         (h > -stone.top).then(|| Touch {
             height: h + roughness * stone.top * rough.v[i],
@@ -775,7 +776,7 @@ fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough
     });
 }
 
-/// Angular debris of all sizes, in a thick layer.
+/// Angular debris of many sizes, in a thick layer.
 fn scree(bench: &Bench) -> Sketch {
     let ground = bench.fbm(6, 5, 1);
     let rough = bench.octaves([40, 40], 4, 0.65, 2, |x| x);

@@ -29,9 +29,10 @@ impl Links {
         self.size
     }
 
-    /// Links each pixel of a picture to a pixel of the earlier picture, which is the picture of the previous call. `geometry` is the geometry of the
-    /// picture, `now` is its view. Returns, for each pixel, the index of the pixel of the earlier picture that showed the same surface point;
-    /// [`NO_LINK`](super::NO_LINK) = the point was not visible in the earlier picture. Waits for the device.
+    /// Links each pixel of a picture to a pixel of the earlier picture, which is the picture of the previous call. `frame` is the bind group of the
+    /// uniforms of the frame, `geometry` is the geometry of the picture, and `now` is its view. Returns, for each pixel, the index of the pixel of
+    /// the earlier picture that showed the same surface point; [`NO_LINK`](super::NO_LINK) = the point was not visible in the earlier picture. Waits
+    /// for the device.
     ///
     /// # Errors
     /// When the device is lost or reported an error.

@@ -2,8 +2,8 @@
 //!
 //! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, links, and, if a
 //! resolve needs it, the exact position of each point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the
-//! linked pixel, or [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the rows is
-//! linked; each frame uses a different quarter. Dispatch: one workgroup per 32 x 8 pixels.
+//! linked pixel, or [`NO_LINK`] if there is none: if the pixel shows sky, or the point was hidden, outside the picture or behind the camera. At lags
+//! 2 to 4, only a quarter of the rows is linked; the quarter changes from frame to frame. Dispatch: one workgroup per 32 x 8 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -30,8 +30,8 @@ pub const SLOTS: u32 = 5;
 pub const NO_LINK: u32 = u32::MAX;
 /// Largest relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
 /// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the earlier position of the point. If the point was
-/// visible, the two depths differ only slightly: the stored normal is quantised (an error of at most 0.64 degrees, or 1.9 degrees near edge-on
-/// incidence), the ground is curved over half a pixel, and it may have been drawn with another LOD.
+/// visible, the two depths usually differ only slightly: the stored normal is quantised (an error of at most 0.64 degrees, or 1.9 degrees near
+/// edge-on incidence), the ground is curved over half a pixel, and it may have been drawn with another LOD.
 pub const TOLERANCE: f32 = 0.02;
 
 /// Offsets in the ring buffers, pixels: where the picture of this frame begins, and where the pictures of the earlier frames begin. Also the quarter

@@ -23,8 +23,9 @@ pub struct Link {
     pub pixel: Option<usize>,
     /// The exact position, pixels; `None` = the point was not seen.
     pub position: Option<[f64; 2]>,
-    /// Whether the rounding of f32 may change `pixel`. This is so in three cases: the position is close to a border between two pixels, the relative
-    /// difference between the expected and the found depth is close to [`TOLERANCE`], or the expected depth is not above 0 but the found depth is.
+    /// Whether the rounding of f32 may change `pixel`. This is assumed in three cases: the position is close to a border between two pixels, the
+    /// relative difference between the expected and the found depth is close to [`TOLERANCE`], or the expected depth is not above 0 but the found
+    /// depth is.
     pub is_uncertain: bool,
 }
 
@@ -43,7 +44,8 @@ pub fn link(now: &Seen, past: &Seen, at: usize) -> Link {
     let point = (now.view.ray(x, y) * distance).to_array();
     let between = Past::between(&now.view, &past.view);
     let [px, py, seen] = reproject(point, &between);
-    // In f32, positions in pixels have an error of less than 1e-3. So the link is uncertain if the position is this close to the border of a pixel.
+    // In f32, positions in pixels usually have an error of less than 1e-3. So the link counts as uncertain if the position is closer than this to the
+    // border of a pixel.
     let is_close = [px, py].into_iter().any(|p| ((p - 0.5).rem_euclid(1.0) - 0.5).abs() > 0.499);
     let (column, row) = ((px + 0.5).floor(), (py + 0.5).floor());
     if seen <= 0.0 || column < 0.0 || row < 0.0 || column >= width || row >= height {

@@ -21,15 +21,15 @@ struct OcclusionBox {
 @group(1) @binding(0) var<storage, read> batches: array<OcclusionBatch>;
 @group(1) @binding(1) var<storage, read> boxes: array<OcclusionBox>;
 @group(1) @binding(2) var<storage, read> pyramid: array<f32>;
-// For each patch in `boxes`, 1 if it is not hidden, else 0.
+// For each patch in `boxes` that this pass tests, 1 if it is not hidden, else 0. Patches of the first phase are not tested: they are always drawn.
 @group(1) @binding(3) var<storage, read_write> shown: array<u32>;
 @group(1) @binding(4) var<storage, read_write> order: array<u32>;
 @group(1) @binding(5) var<storage, read_write> arguments: array<u32>;
 
 const OCCLUSION_LANES: u32 = 256u;
-// The test reads a level that is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels, but at least level 1.
-// The box then lies in at most 8 x 8 texels. Finer texels extend less far beyond the box than coarser texels, so that more hidden patches are
-// recognised.
+// The test reads a level of the pyramid. This level is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels;
+// it is at least level 1. The box then lies in at most 8 x 8 texels. Finer texels extend less far beyond the box than coarser texels, so that more
+// hidden patches are recognised.
 const OCCLUSION_FINER: u32 = 2u;
 
 var<workgroup> occlusion_sums: array<u32, OCCLUSION_LANES>;
@@ -38,7 +38,7 @@ fn occlusion_at(level: u32, texel: vec2<u32>) -> f32 {
     return pyramid[occlusion_index(frame.size, level, texel)];
 }
 
-// Whether everything that was drawn at the pixels that a box covers is nearer than the box.
+// Whether it is known that everything that was drawn at the pixels of a box is nearer than the box.
 fn occlusion_hides(box: OcclusionBox) -> bool {
     let m = transpose(frame.clip_from_local);
     let cover = culling_cover(m[0], m[1], m[3], frame.near_m, box.low, box.high, frame.size);

@@ -1,8 +1,8 @@
 //! Occlusion culling: drops the patches that are hidden by what earlier phases of the frame drew.
 //!
 //! The geometry pass draws the patches in phases, the nearest patches first ([`crate::geometry::PatchList`]). Before each phase but the first, this
-//! stage makes a depth pyramid from what was drawn, and tests the boxes of the phase's patches against it. So the result is a function of the view
-//! alone: no depth of an earlier frame is used.
+//! stage makes a depth pyramid from what was drawn, and tests the boxes of the phase's patches against it. So the result does not depend on earlier
+//! frames.
 //! Reads depth, the boxes of the patches, and the camera. Writes the order of drawing and the indirect draws of a phase.
 //! Dispatch: one invocation per 8 x 8 pixels (and per 8 x 8 texels of every third level), then one workgroup for each batch of the phase.
 //! Limits: the test of a batch runs in one workgroup, so it uses a small part of a large GPU.
@@ -55,8 +55,8 @@ pub struct Pyramid {
     size: [u32; 2],
 }
 
-/// Number of levels of the pyramid of a picture. The last level has one texel. The number is rounded up to a multiple of the levels that one dispatch
-/// makes.
+/// Number of levels of the pyramid of a picture, from level 1 to a level with one texel. It is rounded up to a multiple of the levels that one
+/// dispatch makes.
 fn levels(size: [u32; 2]) -> u32 {
     let last = (1..).find(|&level| level_size(size, level) == [1, 1]).unwrap_or(1);
     last.next_multiple_of(LEVELS_PER_DISPATCH)

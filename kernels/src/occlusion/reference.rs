@@ -2,7 +2,8 @@
 
 use crate::shared::culling::{Cover, hidden, level, level_size};
 
-/// Number of levels by which the test reads a finer level than the one at which a box lies in at most 2 x 2 texels. In WGSL: `OCCLUSION_FINER`.
+/// The test reads a level that is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels, but at least level 1.
+/// In WGSL: `OCCLUSION_FINER`.
 const FINER: u32 = 2;
 
 /// The levels of a depth pyramid from level 1 up, each row by row.
@@ -34,8 +35,8 @@ impl Levels {
         self.levels.concat()
     }
 
-    /// Whether everything that was drawn at the pixels of a box is nearer than the box. `cover`: what the box covers; `None` = unknown, so that the box
-    /// is not hidden.
+    /// Whether everything that was drawn in the tested texels, which contain the pixels of a box, is nearer than the box. `cover`: what the box
+    /// covers; `None` = unknown, so that the box is not hidden.
     ///
     /// # Panics
     /// If the pyramid has too few levels for the box.
@@ -84,7 +85,8 @@ mod tests {
             let extent = [random(3, 1 << (case % 7)), random(4, 1 << (case % 7))];
             let last = [0, 1].map(|k| (corner[k] + extent[k]).min(size[k] - 1));
             let cover = Cover { first: corner.map(f64::from), last: last.map(f64::from), depth: 0.25 };
-            // At two levels below the one at which a box lies in 2 x 2 texels, a texel has at most half the size of the box, or it has 2 x 2 pixels.
+            // The tested level is two levels finer than the level at which the box lies in 2 x 2 texels, but at least level 1. Its texels have at
+            // most half the size of the box, or 2 x 2 pixels.
             let (x, y) = (far % size[0], far / size[0]);
             let margin = (extent[0].max(extent[1]) / 2).max(1);
             let is_inside = |margin: u32| {

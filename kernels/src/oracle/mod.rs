@@ -2,15 +2,15 @@
 //!
 //! The values of the stages are read back from the device: depth, both normals, mask, the variant of the tile, derivatives, splat texels, the
 //! recorded choice. The references compute the exact values in f64. The weights of the flavours, the random thresholds, the choice that follows from
-//! them, and the page and level of the virtual texture are computed from the same inputs as in the shaders. The exact derivatives are those on the
-//! triangle that was drawn.
+//! the thresholds, and the page and level of the virtual texture are computed from the same inputs as in the shaders. The exact derivatives are those
+//! on the triangle that was drawn.
 //!
-//! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on
-//! the sides of patches are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from
-//! neighbouring pixels: most triangles cover only a few pixels, so most neighbours are on different triangles.
+//! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on the sides
+//! of patches are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from neighbouring pixels, because neighbours
+//! often lie on different triangles.
 //!
-//! The weights after the height blend come from the device, because only the device has the heights of detail textures. They are the
-//! weights in the projection with the largest weight.
+//! The weights after the height blend come from the device, because this module does not read the heights of detail textures. They are the weights in
+//! the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::Levels;
@@ -34,7 +34,7 @@ use glam::DVec3;
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
 /// Tolerance for the horizontal distance by which a visible point may lie outside its triangle: the first number in metres, plus the second number
 /// times the longer of the two steps to a neighbouring pixel. Points lie outside because of rounding: positions are f32, and the rasteriser rounds
-/// screen coordinates to multiples of 1/256 pixel.
+/// screen coordinates, usually to multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
 /// Tolerance for the distance of a visible point from the plane of its triangle: the first number in metres, plus the second number times the height
 /// of a pixel at the depth of the point.
@@ -58,7 +58,8 @@ pub struct Pixel {
     pub shading_normal: [f64; 3],
     /// Unit normal of the triangle, as stored, but turned towards the camera.
     pub triangle_normal: [f64; 3],
-    /// The triangle that was drawn; `None` if the world has no triangle at the position. This happens if the shader that places vertices was edited.
+    /// The triangle that was drawn; `None` if the world has no triangle at the position. This can happen if the shader that places vertices was
+    /// edited.
     pub triangle: Option<Triangle>,
     /// Changes of the position from this pixel to the next pixel on the right, and to the next pixel below.
     pub steps: [Derivative; 2],
@@ -107,8 +108,8 @@ impl Derivative {
         share.is_finite().then_some(share)
     }
 
-    /// Error of the mip level that follows from the shader's step: log2 of the ratio of the length of this step to the length of the
-    /// exact step. If the error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine. `None` without an exact step.
+    /// Error of the mip level that follows from the shader's step: log2 of the length of this step divided by the length of the exact step. If the
+    /// error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine. `None` without an exact step.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();
@@ -134,7 +135,7 @@ pub struct Texel {
 pub struct Draw {
     /// The flavour that makes the first random choice.
     pub flavour: Flavour,
-    /// Threshold that chooses the projection, [0, 1); `None` = all projections are blended.
+    /// Threshold that chooses the projection, [0, 1); `None` = the projections are blended.
     pub projection: Option<f64>,
     /// Threshold that chooses the splat texel, [0, 1).
     pub material: f64,
@@ -148,7 +149,7 @@ pub struct Draw {
 /// A position in the virtual texture, and the size of the pixel there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Page {
-    /// The page that the pixel requests.
+    /// The page that contains the position, at the level that follows from `covered`.
     pub id: PageId,
     /// Position in the page, texels of the page's level from its south-west corner, at least 0 and below [`PAGE_TEXELS`].
     pub texel: [f64; 2],
@@ -161,7 +162,7 @@ pub struct Page {
     pub lod: f64,
     /// Mip level inside the page, 0..=1: a page has two mip levels.
     pub mip: f64,
-    /// The page that was sampled: `id`, or a coarser page if not all pages fit; `None` if there was none and the far atlas was used.
+    /// The page that was sampled: `id` or, if `id` was not available, a coarser page; `None` if there was none and the far atlas was used.
     pub served: Option<PageId>,
 }
 
@@ -204,8 +205,8 @@ pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
 /// Inspects a pixel of the picture that `request` draws. The sample pattern of the request must be `Centre`, because the exact values are those at
 /// the centre of the pixel. Returns `None` for sky.
 ///
-/// The picture is shaded once more, by shaders that record choices. These shaders are compiled at the first call. If the last picture has the same
-/// geometry, the geometry is not drawn again.
+/// The picture is shaded once more, by shaders that record choices. These shaders are compiled when they are first needed. If the last picture has
+/// the same geometry, the geometry is not drawn again.
 ///
 /// # Errors
 /// When the pixel lies outside the picture or the device fails.
@@ -258,7 +259,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     let all = flavour_weights::weights(distance_m, shading_normal[2], &FlavourParams::new(&scene.flavours));
     let flavours = flavour_weights::weights_for(all, u32::from(variant), forced);
 
-    // The inputs are the f32 values of the shader, so that the noise uses the same cells as in the shader.
+    // The inputs are the f32 values of the shader, so that the noise usually has the same cells as in the shader.
     let sector_m = world.layout().sector_m;
     let place = Place::of(view.sector.to_array(), inspected.position.map(f64::from), sector_m);
     let weights = inspected.bilinear.map(f64::from);
@@ -345,8 +346,8 @@ struct Spot {
 }
 
 impl Spot {
-    /// Returns the triangle drawn at the point. At a common edge, several triangles contain the point within the tolerances; the result is the
-    /// triangle whose normal is most similar to the stored normal.
+    /// Returns the triangle drawn at the point. If several triangles contain the point within the tolerances, for example at a common edge, the
+    /// result is the triangle whose normal is most similar to the stored normal. `None` if no triangle contains it.
     fn triangle(&self, world: &World, drawn: &[NodeId], levels: &Levels) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
@@ -376,8 +377,8 @@ struct Drawing {
 
 /// Returns the first flavour, in the order of shading, whose weight is above 0 and which draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
-    // In the estimator `Fc5`, near cliff blends all projections, so no projection is chosen. In `Stf`, near cliff takes a single tap, so a
-    // projection is chosen, too.
+    // In most estimators, near cliff blends its projections, so no projection is chosen. In `Stf`, near cliff takes a single tap, so a projection is
+    // chosen, too.
     let in_order = [
         (Flavour::NearCliff, salt::NEAR_CLIFF, estimator == Estimator::Stf),
         (Flavour::FarCliff, salt::FAR_CLIFF, true),
@@ -488,7 +489,7 @@ mod tests {
             let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
             let triangle = spot(0.0).triangle(&world, &[node], &Levels::new(&[node], 0, |_, _| 0)).expect("every place has a triangle");
             assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
-            // The slope of the triangle equals that of the surface.
+            // The slope of the triangle is that of the surface, up to rounding.
             let [x, y, z] = triangle.normal;
             let step = 1e-7;
             let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);

@@ -69,7 +69,7 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
     parameters: &[],
 };
 
-/// Draws two random end points. In about an eighth of the rows, they are equal.
+/// Draws two random end points, packed into a word. In about an eighth of the rows, they are equal.
 fn colours(d: &mut Draw) -> f64 {
     let colours = d.word();
     f64::from(if d.whole(8) < 0.5 { colours & 0xffff | colours << 16 } else { colours })
@@ -97,7 +97,8 @@ fn within<const N: usize>(got: &[f64], want: &[f64], line: [f64; N]) -> Verdict 
     if worst <= 1.0 { Verdict::Agrees(worst) } else { Verdict::Differs }
 }
 
-/// The colour of a texel: one of the four colours on the block's line, or one of three colours and transparent black.
+/// The colour of a texel. If `four`, it is one of four colours on the line between the end points. If not, it is one of three colours on this line,
+/// or transparent black.
 fn on_line(colours: u32, indices: u32, texel: u32, four: bool) -> [f64; 4] {
     let (first, second) = (colour(colours & 0xffff), colour(colours >> 16));
     let mix = |a: f64, b: f64| {

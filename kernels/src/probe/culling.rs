@@ -35,7 +35,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
         let n = d.direction();
         let centre = d.vector(-4.0, 14.0);
         let half = [0; 3].map(|_: i32| d.between(-6.0, 9.0).exp2());
-        // In half of the rows, the corner that lies farthest towards the visible side is close to the plane.
+        // In about half of the rows, the corner that lies farthest towards the visible side is usually close to the plane.
         let reach: f64 = (0..3).map(|i| n[i].abs() * half[i]).sum();
         let off =
             if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * length(centre) * (2.0 * d.whole(2) - 1.0) } else { d.between(-4e3, 4e3) };
@@ -89,13 +89,13 @@ fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     one_sided(got, want, distance < 0.0, near)
 }
 
-/// Whether rounding may put a number on either side of a limit.
+/// Whether the magnitude of a number is within 0.1 % of a limit, so that rounding may put it on either side.
 fn is_next_to(x: f64, limit: f64) -> bool {
     (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
-/// Judges a decision to cull. `may` is true if culling is correct; `near` is true if the value is so close to the threshold that both answers are
-/// accepted.
+/// Judges a decision to cull. `may`: whether culling is correct; if not, it is rejected. Otherwise, an answer that differs from the truth is accepted
+/// only if `near`, that is, if the value is close to the threshold.
 fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
     match (got[0] == 1.0, want[0] == 1.0) {
         (true, _) if !may => Verdict::Differs,
@@ -132,8 +132,8 @@ return array<f32, 1>(select(0.0, 1.0, away));
         let distance = length(to_patch);
         let half = d.between(0.0, 80.0_f64.to_radians());
         let radius = distance * d.between(-12.0, 0.0).exp2();
-        // Patches face away if the angle between the axis and the direction to the patch is smaller than `border`. In half of the rows, this angle is
-        // close to `border`.
+        // Patches face away if the angle between the axis and the direction to the patch is smaller than `border`. In about half of the rows, this
+        // angle is usually close to `border`.
         let border = std::f64::consts::FRAC_PI_2 - half - (radius / distance).asin();
         let off = if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-3.0, 3.0) };
         let axis = d.leaning(octahedral::unit(to_patch), border + off);
@@ -171,9 +171,9 @@ return array<f32, 1>(select(0.0, 1.0, away));
     ],
 };
 
-/// Returns 90 degrees minus the largest angle between a normal of the patch and a view ray to the patch, in radians. If the result is positive, all
-/// normals face away from the eye. If it is negative, a normal may face the eye. The result is -1 if the cone is not valid or the eye is inside the
-/// bounding sphere. Unlike the reference, which compares sines and cosines, this function adds angles.
+/// Returns 90 degrees minus the largest angle between a normal in the cone and a ray from the eye to the bounding sphere, in radians. If the result
+/// is positive, all normals face away from the eye. If it is negative, a normal may face the eye. The result is -1 if the cone is not valid or the
+/// eye is inside the bounding sphere. Unlike the reference, which compares sines and cosines, this function adds angles.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -193,9 +193,8 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 /// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be drawn or culled. The margin
-/// is a difference between cosines, so cosines are compared with it and not angles: at an angle whose sine is small, the same difference between
-/// cosines corresponds to a larger difference between angles. A patch that faces away may also be drawn if the half angle of the cone and the angular
-/// radius of the sphere nearly add up to a right angle.
+/// is a difference between cosines, so differences between cosines, and not between angles, are compared with it. A patch that faces away may also be
+/// drawn if the half angle of the cone and the angular radius of the sphere nearly add up to a right angle.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
     // `between` is the angle between the axis and the direction to the patch. The reference culls if cos(between) exceeds sin(a + s) by
@@ -303,8 +302,8 @@ return array<f32, 10>(
             (row[LOW + i], row[HIGH + i]) = (centre - extent[i], centre + extent[i]);
         }
         row[SIZE..].copy_from_slice(&size);
-        // In half of the rows, `off` is close to 1. On average, half of the stored depths are then close to the depth of the nearest corner, and the
-        // others are up to twice as large.
+        // In about half of the rows, `off` is usually close to 1. On average, half of the stored depths are then close to the depth of the nearest
+        // corner, and the others are up to twice as large.
         let nearest = near / exact(&row).nearest_m.max(near);
         let off =
             if d.whole(2) < 0.5 { 1.0 + d.between(-24.0, -1.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-2.0, 2.0).exp2() };
@@ -431,7 +430,8 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Number of columns or rows by which the result extends beyond those that the box spans, on the side where this number is largest; at least 0.
+/// Number of columns or rows by which the reported pixels extend beyond the pixels that the box spans, on the side where this number is largest; at
+/// least 0.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);
@@ -463,14 +463,14 @@ fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     ]);
 }
 
-/// The reported pixels must contain all covered pixels. They may extend beyond the covered pixels by at most twice the margin for rounding errors.
-/// Only boxes that lie behind all stored depths may be hidden.
+/// If the cover is known, the reported pixels must contain all covered pixels. They may extend beyond the covered pixels by at most twice the margin
+/// for rounding errors. Only boxes that lie behind all stored depths may be hidden.
 fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let truth = exact(row);
     let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
     let has_number = row[STORED..].iter().all(|x| !x.is_nan());
     let nearest = row[NEAR] / truth.nearest_m;
-    // The answer `hidden` is correct if the box is in front of the eye and everything that was drawn is nearer.
+    // The answer `hidden` is correct if the box is in front of the eye and all stored depths are nearer.
     let is_right = got[7] == 0.0 || (has_number && nearest > 0.0 && nearest < stored);
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let covers =

@@ -8,7 +8,8 @@ use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
 use crate::shared::real::{Real, add, dot, length, scale, sub};
 use crate::shared::{biplanar, derivatives, normal_pair, octahedral, snapped_projection, triplanar};
 
-/// Draws the unit normal of a plane that faces the ray. `degrees` is the angle between the normal and the reversed ray.
+/// Draws a random unit normal. `degrees` is the angle between it and the reversed ray. If this angle is below 90 degrees, a plane with this normal
+/// faces the ray.
 fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
     d.leaning(octahedral::unit(ray).map(|x| -x), degrees.to_radians())
 }
@@ -85,7 +86,8 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         real("exact_z", "unit vector"),
     ],
     blocks: None,
-    // octahedral_encode_precise requires that `half` times `step` is exactly 1. If the division is correctly rounded, this holds for 2 to 16 bits.
+    // octahedral_encode_precise requires that `half` times `step`, rounded to f32, is 1. If the division is correctly rounded, this holds for 2 to 16
+    // bits.
     wgsl: "\
 fn probe(row: array<f32, 4>) -> array<f32, 10> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -116,7 +118,7 @@ return array<f32, 10>(fast.x, fast.y, exact.x, exact.y, f.x, f.y, f.z, e.x, e.y,
     ],
 };
 
-/// Difference between two angles, degrees: from the input direction to the decoded vector of `got`, and to that of `want`. The decoded
+/// Absolute difference between two angles, degrees: from the input direction to the decoded vector of `got`, and to that of `want`. The decoded
 /// vectors start at column `at`.
 fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
     let n = octahedral::unit(three(row, 0));
@@ -161,15 +163,15 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // Rays have every angle of incidence. About half of them are nearly edge-on to the plane. In these rows, the choice of a lattice
-        // point (a plane that the encoding can store) depends on the side from which the ray sees the plane of that point.
+        // About half of the rays are nearly edge-on to the plane. A lattice point is a plane that the encoding can store. For these rays, the side
+        // from which the ray sees the plane of a lattice point may decide whether this point is chosen.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
         let far = d.between(-4.0, 12.0).exp2();
         let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
-        // The shading normal is the plane's upper normal plus a random vector of length 1/256 to 1.4. If n points down, the lower normal takes
-        // the place of the upper one in a quarter of the rows.
+        // The shading normal is the plane's upper normal plus a random vector of length 1/256 to 1.4. If n points down, about a quarter of the rows
+        // use the lower normal instead.
         let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
         let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
         let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
@@ -496,15 +498,14 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         } else {
             Verdict::Differs
         };
-        // The rounding of the step and of its product with the code adds an error of 3 ULP to the coordinates. In the decoded direction, this error
-        // is at most twice as large; the tolerance allows 8 ULP for it.
+        // The rounding of the step and of its product with the code adds an error of up to 3 ULP to the coordinates. In the decoded direction, this
+        // error is at most twice as large; the tolerance allows 8 ULP for it.
         both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
     };
-    // Near the middle between two codes, both codes are accepted. Below the equator, where x or y changes sign, a code may jump to a different code
-    // of the same direction; both codes are accepted there, too.
+    // Near the middle between two codes, both codes are accepted.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
-    // Below the equator, where x or y changes sign, two codes that mirror each other represent the same direction.
+    // Below the equator, where x or y changes sign, two codes that mirror each other represent the same direction. Both are accepted.
     let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
     let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
     let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);
@@ -530,13 +531,13 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         return decoded;
     }
     // The words may differ if two lattice points, or two codes, are equally near within the rounding error. But if one word is fine and the other
-    // plain (see normal_pair.rs), this counts as a difference. Rounding is a very unlikely cause of it: the shading normal's code would also have
-    // to lie at the limit of the range that a fine word can store.
+    // plain (see normal_pair.rs), this counts as a difference. Rounding is a very unlikely cause of such a difference: the shading normal's code
+    // would also have to lie at the limit of the range that a fine word can store.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
-    // If the ray lies in the plane, rounding decides from which side it sees a lattice point. Any lattice point around the plane's normal is then
-    // accepted.
+    // If the ray lies nearly in the plane, or in the plane of one of the two lattice points, rounding may decide from which side it sees a lattice
+    // point. A lattice point within three times `supremum` of the plane's normal is then accepted.
     let edge_on = [n, pair.plane, wanted.plane].iter().any(|&v| dot(v, ray).abs() <= 2.0 * UNIT_TOLERANCE);
     let supremum = if word >> 31 == 0 { normal_pair::FINE_SUPREMUM } else { normal_pair::PLAIN_SUPREMUM };
     let plane = as_near(pair.plane, wanted.plane, n) || (edge_on && length(sub(pair.plane, n)) <= 3.0 * supremum);
@@ -552,18 +553,18 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
     let (s, r) = (length(step), length(neighbour));
-    // The tested function limits the cosine between the normal and the neighbour's ray to at least `MIN_COSINE`, even if that ray meets the
-    // plane from the other side.
+    // The tested function raises the magnitude of the cosine between the normal and the neighbour's ray to at least `MIN_COSINE`. The neighbour's ray
+    // is assumed to meet the plane from the same side as the pixel's ray.
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // The result is t (step - ray' (n.step / n.ray')), where ray' is the neighbour's ray. In the following, s is the length of the step, and r is the
-    // length of ray'. The error of n is 11 ULP, so the error of n.step is about 16 ULP of s, and the error of n.ray' is about 16 ULP of r. Both
-    // errors enter the quotient, which is multiplied by ray'. In the result, the error of n.step becomes s (r / facing), and the error of n.ray'
-    // becomes |n.step| (r / facing)², in units of 16 ULP. The tolerance allows 20 ULP.
+    // The result is t (step - ray' (n.step / n.ray')), where ray' is the neighbour's ray, s is the length of the step, and r is the length of ray'.
+    // The error of n is 11 ULP, so the error of n.step is about 16 ULP of s, and the error of n.ray' is about 16 ULP of r. Both errors enter the
+    // quotient, which is multiplied by ray'. In units of 16 ULP, the error of n.step becomes s (r / facing) in the result, and the error of n.ray'
+    // becomes |n.step| (r / facing)². The tolerance allows 20 ULP.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
-    // If the ray lies in the plane, rounding decides which side of the plane it sees.
+    // If the ray lies nearly in the plane, rounding may decide which side of the plane it sees.
     if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
 }
 
@@ -613,8 +614,8 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
         return Verdict::Differs;
     }
-    // The blend is discontinuous on a diagonal, where all three components are equal. Next to a diagonal, rounding decides, so any weights are
-    // accepted.
+    // The blend is discontinuous on a diagonal, where all three components are equal in size. Next to a diagonal, rounding decides, so any weights
+    // that sum to 1 are accepted.
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
@@ -663,8 +664,8 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let gradient = [row[11], row[12]];
     let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
     let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
-    // A coordinate is a sum and a product, and each is rounded once, so its error is at most 1 ULP of the length of the position. The tolerance
-    // allows 2 ULP. The tolerance of the gradient is analogous.
+    // A coordinate takes at most a sum and a product, and each is rounded once, so its error is at most 1 ULP of the length of the position. The
+    // tolerance allows 2 ULP. The tolerance of the gradient is analogous.
     let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
     let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
     both(both(verdict, whole), both(coordinates, volume))

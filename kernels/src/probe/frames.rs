@@ -23,8 +23,8 @@ pub(super) const MOMENTS: Probe = Probe {
         real("variance", "unbiased"),
     ],
     blocks: None,
-    // `zero` is 0. If the compiler could prove this, it would simplify the compensated sums of moments.wgsl. The shader reads the count
-    // from memory, so the compiler must assume that the highest bit of the count may be set.
+    // `zero` is 0. If the compiler could prove this, it could simplify the compensated sums of moments.wgsl. The shader reads the count from memory,
+    // so the compiler must assume that the highest bit of the count may be set.
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
     let count = u32(row[2]);
@@ -63,9 +63,9 @@ fn moments_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     // Sample number i changes the mean by the sample's difference from the mean, divided by i. The difference, which is about as large as the spread,
-    // is rounded (half an ULP) and the division adds 2.5 ULP, so this change has an error of 3 ULP of spread / i. The errors of all samples may have
-    // the same sign. Their sum is then 3 ULP of the sum of spread / i, which is at most spread (1 + ln count); the tolerance allows 4 ULP. The last
-    // term is the rounding of the mean itself, whose two parts have twice the digits of f32.
+    // is rounded (half an ULP) and the division adds 2.5 ULP, so this change has an error of about 3 ULP of spread / i. If the errors of all samples
+    // have the same sign, their sum is 3 ULP of the sum of spread / i. This sum is at most spread (1 + ln count). The tolerance allows 4 ULP. The
+    // last term is the rounding of the mean itself, whose two parts have twice the digits of f32.
     let of_mean = 4.0 * EPS * row[1].abs() * (1.0 + row[2].ln()) + EPS * EPS * row[0].abs();
     let mean = close(&[got[0] + got[1]], &[want[0] + want[1]], of_mean + f64::from(f32::MIN_POSITIVE));
     // Each term of the sum of squares has 6 roundings. The sum is compensated and adds hardly any error. The tolerance allows 8 ULP.
@@ -170,17 +170,17 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let past = past(row);
     let (point, offset) = (three(row, 0), three(row, 3));
     let q = add(point, offset);
-    // Each coordinate of q is a sum that is rounded once. Its error is relative to the summands and the sum; `rounded` is a bound. `relative` is the
-    // relative error of a quotient dot(row, q) / distance. It is the error of q, plus 8 ULP for the dot products, the division (2.5 ULP), and the row
-    // of the matrix, which is computed from `pitch`. `of_pixel` is the error of the pixel: the error of the quotient, and 8 ULP of the shift that is
-    // subtracted.
+    // Each coordinate of q is a sum that is rounded once. Its error is relative to the summands and the sum; `rounded` is a bound. `relative` bounds
+    // the error of a quotient dot(row, q) / distance, as a share of |row| |q| / distance. It contains the error of q, and 8 ULP for the dot products,
+    // the division (2.5 ULP), and the row of the matrix, which is computed from `pitch`. `of_pixel` is the error of the pixel: the error of the
+    // quotient, and 8 ULP of the shift that is subtracted.
     let rounded = EPS * (length(point) + length(offset) + length(q));
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
     let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
     let shift = past.x_shift.abs().max(past.y_shift.abs());
     let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * shift;
-    // If the distance is close to the smallest or largest distance that reprojection accepts, rounding decides whether the point is accepted. Both
+    // If the distance is close to the smallest or largest distance that reprojection accepts, rounding may decide whether the point is accepted. Both
     // answers are then valid.
     let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);
     let seen = both(close(&got[..2], &want[..2], of_pixel), close(&got[2..3], &want[2..3], rounded + 4.0 * EPS * distance.abs()));
@@ -198,20 +198,21 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         let of_ray = length(n) * 20.0 * EPS * length(ray);
         let wanted = motion::expected_distance(point, &past, ray, n);
         if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
-            // The plane is edge-on, or so close to edge-on that rounding decides whether the ray hits it.
+            // The plane is edge-on, or so close to edge-on that rounding may decide whether the ray hits it. Any distance is accepted.
             return if (got[3] - wanted).abs() <= EPS * wanted.abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
         }
         let meets = dot(n, q) / dot(n, ray);
         let tolerance = (of_plane + meets.abs() * of_ray) / (along - of_ray) + 4.0 * EPS * meets.abs();
-        // If the distance is close to `MIN_DISTANCE` or `FAR`, rounding decides whether the hit is accepted. If it is not accepted, the
-        // result is 0.
+        // If the distance is close to `MIN_DISTANCE` or `FAR`, rounding may decide whether the hit is accepted. If it is not accepted, the result is
+        // 0.
         let at_limit = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (meets - t).abs() <= tolerance + 8.0 * EPS * t);
         match close(&got[3..], &[wanted], tolerance) {
             Verdict::Differs if at_limit && (got[3] == 0.0 || (got[3] - meets).abs() <= tolerance) => Verdict::OtherSide,
             verdict => verdict,
         }
     };
-    // Where a position is about halfway between two pixels, rounding decides which of them is the nearest, so the distances at both are accepted.
+    // Where a position is about halfway between two pixels, rounding may decide which pixel is the nearest, so the distances at both pixels are
+    // accepted.
     let nearest = |p: f64| [-1.0, 0.0, 1.0].map(|side| (p + side * EPS * (1.0 + p.abs()) + 0.5).floor());
     let wanted = [want[0], want[1]].map(|p| (p + 0.5).floor());
     let mut expected = Verdict::Differs;

@@ -55,8 +55,8 @@ fn probe(row: array<f32, 6>) -> array<f32, 3> {
     ],
 };
 
-/// Step of the ray from pixel to pixel, and the distances of the centre of pixel (0, 0) from the middle of the picture, to the left and up.
-/// All are measured at distance 1 from the eye.
+/// Step of the ray from pixel to pixel, and the distances of the centre of pixel (0, 0) from the middle of the picture, to the left and up. All are
+/// measured at the distance 1 along the view.
 fn depth_position_rays<T: Real>(row: &[T]) -> (T, [T; 2]) {
     let half = T::of(0.5);
     let pitch = T::of(2.0) * row[4] / row[5];

@@ -1,11 +1,11 @@
 //! Compares results with the truth, and draws random rows for the comparison.
 //!
-//! The truth is the reference in f64. Input values are f32, so that all implementations see the same input. The tolerance of each probe follows from
+//! The truth is the reference in f64. Input values are f32, so that all implementations see the same input. The tolerances of most probes follow from
 //! the accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products are rounded once. The
 //! error of `x / y` is at most 2.5 ULP, that of `inverseSqrt` 2 ULP, and `sqrt` is computed as 1 / `inverseSqrt`. The error of `log2` is at most
 //! 2^-21 in [0.5, 2] and 3 ULP elsewhere, that of `exp2(x)` 3 + 2 |x| ULP, and `pow` is computed from these two. A product and a sum may be fused,
-//! and denormals may be flushed to zero. The tolerance of a row grows with the condition number of the function at this row, which is computed in
-//! f64.
+//! and denormals may be flushed to zero. Where a function amplifies rounding errors, the tolerance of a row grows with the condition number of the
+//! function at this row, which is computed in f64.
 //!
 //! Some results are discontinuous, such as an index, a code or a cell: they change at a threshold of the input. If a row is closer to a threshold
 //! than the tolerance, the results on both sides of the threshold are accepted.
@@ -16,15 +16,15 @@ use crate::shared::hash;
 use crate::shared::octahedral;
 use crate::shared::real::{add, dot, length, scale, sub};
 
-/// One ULP (unit in the last place) of the number 1. The rounding error of one operation is at most half of it.
+/// One ULP (unit in the last place) of the number 1. The relative error of one correctly rounded operation is at most half of it.
 pub const EPS: f64 = f32::EPSILON as f64;
 
 /// Tolerance of the components of a unit vector, and of its point on the octahedron's square. To compute the unit vector, the division by the largest
 /// component (2.5 ULP), the dot product (3 roundings), the square root (2 + 2.5 ULP) and the division by the length (2.5 ULP) have errors of 11 ULP
-/// in total; the components are at most 1. The division and the sums that map the vector to the square add 5 ULP.
+/// in total. The components are at most 1. The division and the sums that map the vector to the square add 5 ULP.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
-/// Tolerance of a result that takes at most 8 operations, none of which cancels leading digits: 16 ULP.
+/// Tolerance of a result of a few operations, none of which cancels leading digits: 16 ULP.
 pub const FEW: f64 = 16.0 * EPS;
 
 /// The outcome of comparing one row.
@@ -171,7 +171,7 @@ pub fn both(a: Verdict, b: Verdict) -> Verdict {
 }
 
 /// Compares two lists of weights with keys. Weights with equal keys are added up and compared; a key that one list lacks has weight 0 there. If the
-/// sets of keys differ but the weights agree, the row lies on the other side of a threshold.
+/// sets of keys differ but the weights agree, the verdict is [`Verdict::OtherSide`].
 pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
     let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
     let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
@@ -181,8 +181,8 @@ pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> 
     if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
 }
 
-/// Error bound of a level, which is the log2 of a number. It is the sum of the error of the function `log2` and of the error that the
-/// number causes: its relative error, `ulps` ULP, divided by ln 2.
+/// Error bound of a level, which is the log2 of a number with a relative error of `ulps` ULP. It is the sum of two errors: the error of the function
+/// `log2`, and the relative error of the number divided by ln 2.
 pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
     2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
 }

@@ -66,7 +66,7 @@ fn reflection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn reflection_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     // Distribution and visibility are computed by divisions and by sums of positive terms, in which nothing cancels. So their errors are relative to
     // the results. The distribution is the square of a quotient, and the visibility has two square roots of 4.5 ULP each, so both get twice the
-    // tolerance `FEW`. The directional albedo uses exp2 with an argument of at least -9.28, so the error of exp2 is at most 3 + 2 x 9.28 = 22 ULP.
+    // tolerance `FEW`. The directional albedo uses exp2 with an argument of at least -9.28, so the error of exp2 is at most 3 + 2 x 9.28 = 21.6 ULP.
     // Its tolerance is three times `FEW`, which is 48 ULP.
     let tolerances = [FEW, 2.0 * FEW * want[1], 2.0 * FEW * want[2], FEW, 3.0 * FEW];
     let scaled = |v: &[f64]| v.iter().zip(tolerances).map(|(x, t)| x / t.max(f64::from(f32::MIN_POSITIVE))).collect::<Vec<_>>();

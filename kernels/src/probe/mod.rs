@@ -1,9 +1,8 @@
 //! Evaluates shared functions for tables: each row of input numbers gives a row of results, computed on the GPU or by the reference in f32 or f64.
 //!
-//! The command line and the agreement tests share the list [`PROBES`], so that both evaluate the same functions. The results of the
-//! reference in f64 are the truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both
-//! references take the same columns. Values are rounded to f32 for the f32 reference and the GPU, so comparisons should use values that f32
-//! represents exactly.
+//! The command line and the agreement tests share the list [`PROBES`], so that both evaluate the same functions. The results of the reference in f64
+//! are the truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both references take the same columns.
+//! Real numbers are rounded to f32 for the f32 reference and the GPU, so comparisons should use numbers that f32 represents exactly.
 
 use serde::Serialize;
 
@@ -81,8 +80,8 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// The number type of the cells that a reference reads and writes. A cell is a real number or a word. In place of a word, f32 stores its bits, and
-/// f64 stores its value.
+/// The number type of the cells that a reference reads and writes. A cell is a real number or a word. For a word, an f32 cell holds the bits of the
+/// word, and an f64 cell holds its value.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;
@@ -175,7 +174,7 @@ impl Probe {
     /// The probe of this name.
     ///
     /// # Errors
-    /// No probe has this name; the message names the nearest one.
+    /// No probe has this name; the message suggests a similar name or, if there is none, lists all names.
     pub fn find(name: &str) -> Result<&'static Probe> {
         PROBES.iter().find(|probe| probe.name == name).ok_or_else(|| {
             let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
@@ -183,7 +182,7 @@ impl Probe {
         })
     }
 
-    /// Evaluates the reference in single precision. `rows` holds whole rows of `inputs`, one after the other; its numbers are rounded to f32 first.
+    /// Evaluates the reference in single precision. `rows` holds whole rows of `inputs`, one after the other; real numbers are rounded to f32 first.
     pub fn on_f32(&self, rows: &[f64]) -> Vec<f64> {
         self.evaluate(self.single, rows)
     }
@@ -193,7 +192,7 @@ impl Probe {
         self.evaluate(self.double, rows)
     }
 
-    /// Evaluates the shader. `rows` holds whole rows of `inputs`, one after the other; its numbers are rounded to f32 first.
+    /// Evaluates the shader. `rows` holds whole rows of `inputs`, one after the other; real numbers are rounded to f32 first.
     ///
     /// # Errors
     /// The device is lost or refuses the shader.

@@ -19,7 +19,8 @@ pub enum Cells {
     Texel(wgpu::TextureFormat),
 }
 
-/// Number of blocks in a row of the texture that holds a table's blocks. The texture is then 4096 texels wide, which every device allows.
+/// Number of blocks in a row of the texture that holds a table's blocks. The texture is then 4096 texels wide, half of the width that WebGPU
+/// guarantees.
 const BLOCKS_ACROSS: usize = 1024;
 /// Largest number of rows in one call. It bounds the size of the buffers and the height of the texture that holds the blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;
@@ -111,7 +112,7 @@ impl<'a> Table<'a> {
         Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &output, out_bytes)?))
     }
 
-    /// Each input row begins with a compressed block of 4 x 4 texels. Creates a texture from these blocks, and a sampler that reads the nearest texel.
+    /// Creates a texture from the compressed blocks (4 x 4 texels) with which the input rows begin, and a sampler that reads the nearest texel.
     fn blocks(&self, format: wgpu::TextureFormat, inputs: &[u32]) -> (wgpu::TextureView, wgpu::Sampler) {
         let words = format.block_copy_size(None).unwrap_or(0) as usize / 4;
         let mut bytes: Vec<u8> =
@@ -141,7 +142,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The WGSL of the entry point that calls the function. Cells are passed as words, because an f32 would not preserve every bit pattern.
+/// The WGSL of the entry point that calls the function. Cells are passed as words, because an f32 may not preserve every bit pattern.
 fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let (of_row, from, to) = match cells {
         Cells::Reals => ("f32", "bitcast<f32>", "bitcast<u32>"),

@@ -110,7 +110,7 @@ fn hex_tiling_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[0] - want[0]).abs() > 0.5 {
-        // If log2 of the wanted number of hexagons is close to halfway between two levels, rounding decides which level is chosen.
+        // If log2 of the wanted number of hexagons is close to halfway between two levels, rounding may decide which level is chosen.
         let spacings = (row[5] * 12.0_f64.sqrt()).log2();
         let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
         return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
@@ -143,8 +143,8 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
         return Verdict::Agrees(0.0);
     }
-    // The choice compares u with the fractional part of the level of detail, or of the coordinate in texels. Both numbers may have an error of one
-    // ULP of their magnitude. If the fractional part is that close to u or to a whole number, both choices are accepted.
+    // The choice compares u with the fractional part of the level of detail, or of the coordinate in texels. The level of detail and the coordinate
+    // may each have an error of one ULP of its magnitude. If the fractional part is that close to u, to 0 or to 1, both choices are accepted.
     let lod = row[0].clamp(0.0, row[1] - 1.0);
     let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
     let may = |x: f64, u: f64, error: f64| {

@@ -194,7 +194,7 @@ fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         if index.fract() != 0.0 || !(0.0..count as f64).contains(&index) {
             return Verdict::Differs;
         }
-        // Three sums and a product are rounded once each, so the error is at most four times half an ULP of the total.
+        // Up to three sums and a product are rounded once each, so the error is at most four times half an ULP of the total.
         let (weights, chosen) = (row[..count].iter().map(|w| w.max(0.0)).collect::<Vec<_>>(), index as usize);
         let total: f64 = weights.iter().sum();
         let below: f64 = weights[..chosen].iter().sum();
@@ -221,8 +221,8 @@ fn layers_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // For each of the 8 layers, the opacity takes a sum and a quotient (2.5 ULP), and the mixture is rounded 4 times. All numbers are at most 1. The
-    // tolerance allows 8 ULP per layer.
+    // For each of the 8 layers, the opacity takes a sum and a quotient (2.5 ULP), and the mixture is rounded 4 times. If the weights sum to 1, all
+    // numbers are at most 1. The tolerance allows 8 ULP per layer.
     close(got, want, 8.0 * 8.0 * EPS)
 }
 
@@ -299,10 +299,10 @@ fn flavour_weights_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn flavour_weights_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // A weight is a product of ramps over distance and over the cosine of the slope. The width of a ramp is at least 1/20 of the distance or cosine
-    // at which it lies, and its slope is at most 1.5 divided by its width. A ramp therefore multiplies the relative error of its argument by at most
-    // 30, and the error of eight roundings (4 ULP) becomes at most 120 ULP. The tolerance is about twice as large, because a weight is a product of
-    // more than one ramp.
+    // A weight is a product of ramps over distance and over the cosine of the slope, or a sum of such products. The width of a ramp is at least 1/20
+    // of the distance or cosine at which it lies, and its slope is at most 1.5 divided by its width. A ramp therefore multiplies the relative error
+    // of its argument by at most 30, and the error of eight roundings (4 ULP) becomes at most 120 ULP. The tolerance is about twice as large, because
+    // a weight is a product of more than one ramp.
     let weights = close(&got[..5], &want[..5], 256.0 * EPS);
     both(both(weights, equal(&[], &got[5..6], &want[5..6])), close(&got[6..], &want[6..], FEW))
 }

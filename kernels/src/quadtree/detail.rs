@@ -11,8 +11,8 @@ pub const COARSE_STRIDES: [u32; 4] = [2, 4, 8, 16];
 /// surfaces consist of quads whose diagonals alternate in direction. `height(i, j)` is the height of the vertex in column i and row j of the patch,
 /// both 0..=16.
 ///
-/// The difference of two such surfaces is largest at a corner of the areas in which both are plane. These corners are the vertices: the diagonal of
-/// a larger quad runs along diagonals of the smaller quads and crosses none of them, because their diagonals alternate.
+/// The largest difference of two such surfaces is at a corner of an area in which both are plane. These corners are the vertices: the diagonal of a
+/// larger quad runs along diagonals of smaller quads and crosses no diagonal, because the diagonals of the smaller quads alternate.
 pub fn stride_errors(height: impl Fn(usize, usize) -> f64) -> [f64; COARSE_STRIDES.len()] {
     let quads = NODE_QUADS as usize / cones::PATCHES;
     COARSE_STRIDES.map(|stride| {

@@ -1,6 +1,7 @@
 //! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is close to the camera. The nodes
-//! of a level are loaded before any of them is split. The selection does not depend on the direction of the camera. So turning the camera loads no
-//! nodes, and no cached page of the virtual texture has to be rendered again. The stage `culling` drops what is outside the frustum.
+//! of a level are loaded before any of them is split. Which nodes are visited and drawn does not depend on the direction of the camera. So with
+//! settled residency, turning the camera loads no nodes, and no cached page of the virtual texture has to be rendered again. The stage `culling`
+//! drops what is outside the frustum.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
@@ -29,8 +30,8 @@ pub struct NodeBounds {
 pub struct PatchBounds {
     /// Lowest and highest elevation of the patch's vertices, metres, before any stitching.
     pub height_m: [f64; 2],
-    /// For each of [`COARSE_STRIDES`], the largest error of the patch's surface with this vertex stride, metres ([`stride_errors`]). Infinite if the
-    /// patch has a hole or reaches beyond the data, because drawing fewer vertices would change the outline of the hole or of the data.
+    /// For each of [`COARSE_STRIDES`], the largest error of the patch's surface with this vertex stride, metres ([`stride_errors`]). Infinite if a
+    /// vertex of the patch is in a hole or beyond the data, because drawing fewer vertices could change the outline of the hole or of the data.
     pub errors_m: [f64; COARSE_STRIDES.len()],
     /// Contains the normals of the patch's triangles, before any stitching and at vertex stride 1.
     pub cone: Cone,
@@ -86,8 +87,8 @@ pub struct Selection {
     pub wanted: Vec<Wanted>,
 }
 
-/// Largest height of a quad on the screen, pixels, without a LOD bias. A node is split if, at its point nearest to the camera, a quad would be taller
-/// than this. The bounds of [`SPLIT_RATIO`] take precedence over this limit.
+/// Largest height of a quad on the screen, pixels, without a LOD bias. A node is split if, at its point nearest to the camera, a quad that faces the
+/// camera would be taller than this. The bounds of [`SPLIT_RATIO`] take precedence over this limit.
 pub const QUAD_PX: f64 = 2.5;
 /// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound applies before the LOD bias. Without it, small pictures would have coarse nodes near the camera, and the splat texels of
@@ -131,8 +132,8 @@ struct Rule<'a> {
 }
 
 impl Rule<'_> {
-    /// Returns the children of a node if the camera is near enough, and the distance of the node divided by its edge length. There are no children
-    /// if the camera is too far away or the node has the finest LOD.
+    /// Returns the children of a node into which it should be split, and the distance of the node divided by its edge length. There are no children
+    /// if the camera is too far away or the node has the finest LOD. Children outside the world are left out.
     fn children(&self, node: NodeId, bounds: NodeBounds) -> (Vec<NodeId>, f64) {
         let layout = self.world.layout();
         let (low, high) = local_box(node, bounds, layout, self.view);
@@ -142,7 +143,8 @@ impl Rule<'_> {
         (if is_split { existing(node.children()) } else { Vec::new() }, distance / layout.node_m(node.lod))
     }
 
-    /// Adds the nodes below `node` that would be visited if all nodes were available. `bounds`: bounds of the nearest visited ancestor.
+    /// Adds the nodes below `node` that would be visited if all nodes were available. `bounds`: bounds of `node` if it is visited, otherwise of its
+    /// nearest visited ancestor.
     fn want(&self, node: NodeId, bounds: NodeBounds, is_available: &impl Fn(NodeId) -> bool, wanted: &mut Vec<Wanted>) {
         let (children, distance) = self.children(node, bounds);
         let (low, high) = local_box(node, bounds, self.world.layout(), self.view);
@@ -155,9 +157,9 @@ impl Rule<'_> {
 }
 
 /// Traverses the tree. A node is split if the camera is near and all its children are available, so the drawn nodes cover the ground whatever is
-/// available. The roots are always available. `lod_bias`: the number of levels by which the nodes are coarser than usual. Negative values make them
-/// finer, up to the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one
-/// level, and returns their bounds in the same order.
+/// available. The roots count as available. `lod_bias`: about how many levels coarser than usual the nodes are. Negative values make them finer, up
+/// to the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one level, and
+/// returns their bounds in the same order.
 ///
 /// # Errors
 /// The errors of `load`.
@@ -192,7 +194,7 @@ pub fn select<E>(
 /// How much coarser the drawn nodes are than those that would be drawn if all nodes were available.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lag {
-    /// Share of the sectors in which a coarser node is drawn, 0..=1.
+    /// Share of the drawn sectors in which a coarser node is drawn, 0..=1.
     pub share: f64,
     /// Mean number of levels by which the drawn nodes are coarser, over the sectors of `share`; 0 if there are none.
     pub levels: f64,

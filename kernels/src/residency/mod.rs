@@ -3,7 +3,7 @@
 //! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
 //! Source: Moore, GDC 2018, "Stream Quad Tree" and the part of the talk on terrain data. An atlas is an array texture in which each slot is a layer,
 //! so filtering never reads a neighbouring node. Slots count from 1 (ruling 9 in `ARCHITECTURE.md`), because 0 means "not loaded". A frame waits for
-//! every node that it visits, so that a picture does not depend on what was loaded before. [`Arrivals`] simulates that nodes arrive late.
+//! the nodes that it visits, so that a picture does not depend on what was loaded before. [`Arrivals`] simulates that nodes arrive late.
 //!
 //! Limits: at most 512 nodes are resident at once. If a view needs more nodes in one frame, it is refused with an error that says what to change.
 
@@ -199,15 +199,16 @@ impl Streaming {
         self.resident.get(&node).map_or(&[], |r| &r.patches)
     }
 
-    /// Returns a number that changes whenever the materials of a node change; 0 for a node that is not resident, and for all nodes until the first
-    /// call of [`Streaming::lay_anew`].
+    /// Returns a number that [`Streaming::lay_anew`] changes if it changes the materials of a node. 0 for a node that is not resident, and for all
+    /// nodes until the first call of `lay_anew`.
     pub fn revision(&self, node: NodeId) -> u64 {
         self.resident.get(&node).map_or(0, |r| r.revision)
     }
 
-    /// Places materials on the resident nodes again, with the current `world` and `palette`. The payload of a node is baked again if its splat map
-    /// changed, or if the mean albedo, smoothness or specular occlusion of one of its materials changed. If only the palette entry or a texture of a
-    /// material changed, the node gets a new revision, but its payload stays. Returns the number of payloads that were baked again.
+    /// Places materials again, with the current `world` and `palette`, on the resident nodes whose ground is kept. The payload of a node is baked
+    /// again if its splat map changed, or if the mean albedo, smoothness or specular occlusion of one of its materials changed. If only the palette
+    /// entry or a texture of a material changed, the node gets a new revision, but its payload stays. Returns the number of payloads that were baked
+    /// again.
     pub fn lay_anew(&mut self, gpu: &Gpu, world: &World, palette: &PaletteMeans, changes: &Changes) -> usize {
         let holds = |cover: &Cover, changed: &[bool]| cover.iter().any(|&id| changed.get(usize::from(id)).copied().unwrap_or(true));
         let anew: Vec<(NodeId, Option<(Cover, NodePayload)>)> = self

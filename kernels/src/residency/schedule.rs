@@ -2,8 +2,8 @@
 //!
 //! Source: Moore, GDC 2018, "Stream Quad Tree": the terrain is drawn correctly whatever has arrived. Real loading depends on the disk, on threads and
 //! on the clock, so its pictures cannot be repeated. Here, a node arrives a fixed number of frames after its request, and a limited number of nodes
-//! is requested per frame. So a frame depends only on its view and the earlier views, and not on what the atlases hold: a node that has arrived
-//! and was replaced in the atlases is baked again when it is visited.
+//! is requested per frame. So a frame depends on its view and the earlier views, but not on what the atlases hold: a node that has arrived and was
+//! replaced in the atlases is baked again when it is visited.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -72,7 +72,7 @@ pub struct Arrivals {
     schedule: Schedule,
     /// Number of the next frame.
     frame: u64,
-    /// For each node that has arrived, except the roots: the last frame that visited it or, before its first visit, the frame at whose end it arrived.
+    /// For each node that has arrived, except the roots: the last frame that visited it or, before its first visit, the frame after which it arrived.
     used: BTreeMap<NodeId, u64>,
     /// For each node that was requested and has not arrived: the first frame that can draw it.
     requested: BTreeMap<NodeId, u64>,
@@ -84,7 +84,8 @@ fn is_root(node: NodeId) -> bool {
 }
 
 impl Arrivals {
-    /// Starts the simulation. `nodes`: the nodes that have arrived before the first frame. The roots have always arrived and are never replaced.
+    /// Starts the simulation. `nodes`: the nodes that have arrived before the first frame; those for which there is no room are left out. The roots
+    /// have always arrived and are never replaced.
     pub fn new(schedule: Schedule, nodes: impl IntoIterator<Item = NodeId>) -> Arrivals {
         let mut arrivals = Arrivals { schedule, frame: 0, used: BTreeMap::new(), requested: BTreeMap::new(), arrived: NodeSet::default() };
         let room = arrivals.room();
@@ -135,8 +136,8 @@ impl Arrivals {
         if due.is_empty() {
             return;
         }
-        // The nodes that may be replaced, in the order in which they are replaced. A node is never visited more recently than its parent, so the
-        // finer of two nodes that were visited last in the same frame goes first.
+        // The nodes that may be replaced: those that were not visited for the longest time come first. Of nodes whose last visit was in the same
+        // frame, the finer ones come first, because a node can only be drawn if its ancestors have arrived.
         let mut idle: Vec<(u64, NodeId)> = self.used.iter().filter(|(_, used)| **used < ended).map(|(&node, &used)| (used, node)).collect();
         idle.sort_unstable();
         let mut idle = idle.into_iter();
@@ -152,9 +153,9 @@ impl Arrivals {
     }
 }
 
-/// The order of requests: nodes whose parent is in view first, then those whose parent is nearest in units of its edge length, then coarse before
-/// fine. The identifiers decide the rest, so the order of the traversal does not matter. The children of a node are neighbours in this order, because
-/// a node is split only if all its children have arrived.
+/// The order of requests: nodes whose parent is in view first; then by the distance of the parent, in units of the parent's edge length; then coarse
+/// before fine. The identifiers decide the rest, so the order of the traversal does not matter. The children of a node follow each other in this
+/// order, because they are needed together: a node is split only if all its children have arrived.
 fn urgency(a: &Wanted, b: &Wanted) -> Ordering {
     (b.is_in_view.cmp(&a.is_in_view))
         .then(a.distance.total_cmp(&b.distance))

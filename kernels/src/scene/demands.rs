@@ -62,7 +62,7 @@ impl Demands {
         self.flavours.iter().any(|demand| demand.required && demand.flavour == flavour)
     }
 
-    /// The variants that classification can produce: every non-empty set of required flavours, by number.
+    /// The variants that classification can produce: the non-empty sets of required flavours, in the order of their numbers.
     pub fn variants(&self) -> Vec<Variant> {
         let mask = self.flavours.iter().filter(|demand| demand.required).fold(0, |mask, demand| mask | demand.flavour.bit());
         Variant::all().filter(|variant| variant.mask() & !mask == 0).collect()

@@ -40,7 +40,7 @@ pub fn load(path_or_name: &str) -> Result<Scene> {
 /// Reads the text of a scene. `path_or_name` is as for [`load`].
 ///
 /// # Errors
-/// The path does not exist or cannot be read.
+/// The path does not exist, the folder holds no `scene.toml`, or the file cannot be read as text (see [`document::text_of`]).
 pub fn text(path_or_name: &str) -> Result<SceneText> {
     if path_or_name == DEFAULT {
         return Ok(SceneText { text: DEFAULT_TEXT.to_owned(), name: DEFAULT.to_owned(), folder: PathBuf::new() });
@@ -64,8 +64,8 @@ pub fn text(path_or_name: &str) -> Result<SceneText> {
 /// Reads a scene from `text` and validates it. `where_` names the text in errors; relative file names refer to `folder`.
 ///
 /// # Errors
-/// If the text is not TOML, if it has an unknown key (the error suggests the nearest known key) or a value of the wrong type, or if
-/// [`super::validate`] refuses the scene. The error gives the place as `where_:line`.
+/// If the text is not TOML, if a key is missing or unknown, if a value has the wrong type, or if [`super::validate`] refuses the scene. The error
+/// gives the place as `where_:line` or, if the line is not known, as `where_`.
 pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     let refuse = |wrong: document::Wrong| Error::Scene { where_: wrong.place(where_), what: wrong.what };
     let mut scene: Scene = document::read(text, remedy_of_missing).map_err(|wrong| refuse(in_words_of_settings(wrong, text)))?;

@@ -9,7 +9,7 @@ use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 /// Largest accepted absolute value of an elevation, a coordinate or a distance, metres. Larger values are probably mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
-/// Where every setting of a scene can be set. Settings that the workbench shows can also be set in the workbench.
+/// The places where a setting of a scene can be set. Settings that the workbench shows can also be set there.
 const HOMES: &[Home] = &[Home::SceneFile, Home::Definition, Home::Set];
 
 const FLAVOURS: Listing = Listing::new("Where flavours apply", HOMES);
@@ -33,25 +33,26 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
-        /// Ground beyond this distance is shaded from the far atlas, and nearer ground is shaded from the virtual texture. 0: there is no virtual
-        /// texture, and all ground is shaded from the far atlas.
+        /// Distance at which ground that is neither cliff nor splat band changes from the virtual texture to the far atlas. 0: there is no virtual
+        /// texture, and this ground is shaded from the far atlas at any distance.
         far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
-        /// Cliffs nearer than this distance are shaded by the flavour `near-cliff`, cliffs beyond it by `far-cliff` (Far Cry 5: 30 m).
+        /// Distance at which cliffs change from the flavour `near-cliff` to the flavour `far-cliff`, and at which the splat band ends. Far Cry 5: 30
+        /// m.
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
-        /// Beyond this distance, cliffs are shaded from the far atlas, too.
+        /// Distance at which cliffs change from the flavour `far-cliff` to the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
-        /// Half the width of the transition at a distance where the flavour changes, as a share of that distance. Example: 0.15 at 300 m blends from
-        /// 255 m to 345 m.
+        /// Where flavours change at a distance: half the width of the transition, as a share of the distance. Example: with 0.15, a change at 300 m
+        /// blends from 255 m to 345 m.
         // Smaller widths are not needed: a width of a thousandth already looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
-        /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
+        /// Slope at which cliffs begin. It is the middle of a transition, whose width is `slope_blend_deg`. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
-        /// Width of the range of slopes over which flavours blend, at the slope at which cliffs begin (`cliff_slope_deg`) and at the lower end of the
-        /// splat band. Half of the width lies on either side of these slopes.
+        /// Width of each of the two transitions between flavours that depend on the slope. One is centred on the slope at which cliffs begin
+        /// (`cliff_slope_deg`), the other on the lower end of the splat band.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
-        /// Width of the band of slopes just below those of cliffs (`cliff_slope_deg`) that is shaded by full tri-planar splat, up to the distance at
-        /// which near cliffs end (`cliff_near_m`). These slopes are too steep for one projection, and they border on contrasting materials. 0: no
-        /// splat.
+        /// Width of the splat band, a range of slopes just below those of cliffs (`cliff_slope_deg`). Up to the distance `cliff_near_m`, these slopes
+        /// are shaded by the flavour `splat`, because they are too steep for one projection. 0: there is no splat band. Without cliffs, there is none
+        /// either.
         splat_band_deg: f64 = 8.0, "deg", number(0.0, 89.0), FLAVOURS.slider("Splat band", 0.0, 30.0);
     }
 }
@@ -68,8 +69,8 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Blend of Scene as "blend" at |scene| scene.blend, {
-        /// Size of the cells of hashed noise on the screen (g_HashScale of Wyman and McGuire). With larger cells, random choices change less often in
-        /// motion, but form larger blotches.
+        /// Approximate width on the screen of the cells of hashed noise (g_HashScale of Wyman and McGuire). With larger cells, random choices change
+        /// less often in motion, but form larger blotches.
         hash_scale: f64 = 1.0, "px", number(0.01, 100.0), BLEND.logarithmic("Noise cell", 0.05, 8.0);
         /// Sharpness of the height blend: k in w' = w 2^(k h), where w is the bilinear weight of a material and h its height. The larger k, the more
         /// the highest material dominates. 0: plain bilinear weights.
@@ -77,13 +78,14 @@ table! {
         /// Sharpness of the tri-planar blend: k in the weights of the three projections, w = abs(n)^k, where n is the component of the unit normal
         /// along the axis of the projection. The larger k, the sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
-        /// Bias of the mip levels: texture gradients are scaled by 2^bias. Below 0, the picture is sharper and flickers more; above 0, it is
-        /// blurrier.
-        mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
+        /// Bias of the mip levels of textures: texture gradients are multiplied by 2^bias. Below 0, the picture is usually sharper and flickers more;
+        /// above 0, it is blurrier.
+        mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("Mip bias", -4.0, 4.0);
         /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs ground near the camera at grazing angles. With Mesa's
         /// software driver before version 23, the anisotropy is always 1.
         anisotropy: u16 = 8, "", Kind::Whole(1, 16), BLEND;
-        /// Factor on the distance of the materials' mean colours from 18 % grey. 0: all mean colours are 18 % grey, 1: the original colours.
+        /// Contrast between materials: factor on the difference between the mean colour of a material and 18 % grey. 0: the mean colours are about 18
+        /// % grey. 1: the colours are not changed. Very dark and very bright results are clamped.
         material_contrast: f64 = 1.0, "x", number(0.0, 2.0), BLEND;
     }
 }
@@ -103,7 +105,8 @@ table! {
 }
 
 table! {
-    /// The sky. Its radiance is linear in the sine of the elevation, over the whole sphere, so its irradiance can be computed exactly.
+    /// The sky. Its radiance is a linear function of the sine of the elevation, also below the horizon, where negative values are clamped to 0.
+    /// Without clamping, the irradiance has a simple exact formula.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Sky of Scene as "sky" at |scene| scene.sky, {
@@ -125,8 +128,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: Kind::Whole(0, u32::MAX),
         default: || None,
-        about: "Seed of the procedural world, which needs this key, or of the added relief, the noise masks and the colour modulation map of a \
-                heightmap world, where the default is 0.",
+        about: "Seed of the world. A procedural world needs this key. In a heightmap world, the added relief, the noise masks of rules and the \
+                colour modulation map use the seed, and its default is 0.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
@@ -140,8 +143,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: number(0.0, 1.0),
         default: || Some(Value::Float(0.0)),
-        about: "Strength s of the colour modulation map, a factor on the colour of the ground that varies from about 1 - s to 1 + s. 0: there is no \
-                map, and nothing is sampled.",
+        about: "Strength s of the colour modulation map. The map multiplies the colour of the ground by factors from about 1 - s to about 1 + s. 0: \
+                there is no map, and nothing is sampled.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),
@@ -171,7 +174,9 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: Kind::Numbers(2, Range::new(-FAR_M, FAR_M)),
         default: || None,
-        about: "Elevations of a heightmap's sample values 0 and 65535, the lower one first. Every heightmap world needs this key.",
+        about: "Elevations of the smallest and of the largest possible sample of a heightmap, the lower elevation first. These samples are 0 and \
+                65535 for unsigned integers, -32768 and 32767 for signed integers, and 0 and 1 for floats. If the file states its own scale, \
+                the elevations must not contradict it. Every heightmap world needs this key.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,
@@ -187,8 +192,8 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: number(0.0, 1000.0),
         default: || Some(Value::Float(0.0)),
-        about: "Largest change of elevation by the procedural relief that is added to a heightmap at scales finer than its resolution. 0: no \
-                relief is added, and the finest LOD is the one that matches the heightmap's resolution.",
+        about: "Largest change of elevation by the procedural relief that is added to a heightmap. The relief is finer than the resolution of the \
+                heightmap. 0: no relief is added, and the resolution of the heightmap decides which LOD is the finest.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,
@@ -204,7 +209,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "texels",
         kind: Kind::OneOf(&[64, 128, 256, 512, 1024, 2048]),
         default: || Some(Field::value(&DETAIL_SIZE)),
-        about: "Edge length of detail textures. The texture of heights and colour masks has half this edge length.",
+        about: "Edge length of the albedo and normal textures of materials. Their textures of heights and colour masks have half this edge length.",
         listing: Listing::new("Textures", HOMES),
         field: |scene| Some(&scene.detail_size),
         field_mut: |scene| Some(&mut scene.detail_size),

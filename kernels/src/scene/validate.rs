@@ -37,8 +37,7 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// Largest number of points of one stroke. The number is limited, because every splat texel near a stroke is compared with all points of the
-/// stroke.
+/// Largest number of points of one stroke. The number is limited, because splat texels near a stroke are compared with all points of the stroke.
 const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
@@ -59,8 +58,9 @@ fn world(at: &At, scene: &Scene) -> Checked {
         World::Heightmap { file, height_range_m, holes, .. } => {
             let [low, high] = *height_range_m;
             if low >= high {
-                at.key("height_range_m")
-                    .fail(format!("[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"))?;
+                at.key("height_range_m").fail(format!(
+                    "[{low}, {high}] must go from low to high: the elevations of the smallest and the largest possible sample"
+                ))?;
             }
             let path = scene.folder.join(file);
             if !path.is_file() {

@@ -2,8 +2,8 @@
 //!
 //! A table is an array of [`Setting`]s for one type that stores the values: [`crate::scene::settings`] for a scene, [`crate::frame::settings`] for
 //! the choices of a frame and of its stages, and a table for the choices of the workbench alone. These tables serve scene files, definitions of
-//! experiments, the command line, the workbench with its state file, and the reference documentation. A value that is not accepted is described by
-//! the same sentence everywhere ([`Setting::accept`]).
+//! experiments, the command line, the workbench with its state file, and the reference documentation. [`Setting::accept`] makes the sentence that
+//! describes a value that is not accepted.
 
 use std::fmt;
 
@@ -95,7 +95,8 @@ impl fmt::Display for Kind {
 }
 
 impl Kind {
-    /// Parses a text from the command line as a value of this kind. A text that cannot be parsed is returned as a string value.
+    /// Converts a text from the command line to a value. The kind need not accept the result. A text that cannot be parsed is returned as a string
+    /// value; so are all texts for [`Kind::Name`] and [`Kind::Text`].
     pub fn read(self, text: &str) -> Value {
         let value = match self {
             Kind::Number(_) => text.parse().ok().map(Value::Float),
@@ -138,7 +139,7 @@ fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
-/// A value as text. Real numbers have the fewest digits from which the same number can be read again.
+/// A value as text. Real numbers have the fewest significant digits from which the same number can be read again.
 pub fn shown(value: &Value) -> String {
     match value {
         Value::Float(number) => number.to_string(),
@@ -231,7 +232,7 @@ pub struct Listing {
     pub group: &'static str,
     /// Where the setting can be set.
     pub homes: &'static [Home],
-    /// The workbench's short label, unique in the window; `None` = the workbench does not show the setting.
+    /// The workbench's short label, different for each setting; `None` = the workbench does not show the setting.
     pub label: Option<&'static str>,
     /// Slider of the setting; `None` = the workbench does not use a slider.
     pub slider: Option<Slider>,
@@ -461,8 +462,8 @@ impl<T> Setting<T> {
     /// Stores a value in an owner.
     ///
     /// # Errors
-    /// The value is not accepted, or the owner does not have this setting. The error is one sentence, which is the same wherever the value comes
-    /// from. For a value that is not accepted, it names the key, the value, and what the value must be. The owner does not change.
+    /// The value is not accepted, or the owner does not have this setting. The owner then does not change. The error is one sentence. For a value
+    /// that is not accepted, it names the key, the value, and what the value must be.
     pub fn set(&self, owner: &mut T, value: &Value) -> Result<(), String> {
         self.accept(value)?;
         match (self.field_mut)(owner) {
@@ -471,10 +472,10 @@ impl<T> Setting<T> {
         }
     }
 
-    /// Checks a value without storing it. Only [`Setting::set`] makes the checks that depend on the field's type.
+    /// Checks a value against the kind of the setting, without storing it. [`Setting::set`] also makes the checks that depend on the field's type.
     ///
     /// # Errors
-    /// As [`Setting::set`].
+    /// The kind does not accept the value. The error is the sentence that [`Setting::set`] returns for such a value.
     pub fn accept(&self, value: &Value) -> Result<(), String> {
         if self.kind.accepts(value) {
             return Ok(());
@@ -494,10 +495,10 @@ impl<T> Setting<T> {
     }
 }
 
-/// Checks every value of an owner.
+/// Checks the values of an owner by [`Setting::accept`]. Settings that the owner does not have are skipped.
 ///
 /// # Errors
-/// A value is not accepted by its setting. The error describes the first such value in the order of the table, as [`Setting::set`] does.
+/// A value is not accepted. The error describes the first such value in the order of the table.
 pub fn check<T: 'static>(mut table: impl Iterator<Item = &'static Setting<T>>, owner: &T) -> Checked {
     let wrong = |setting: &'static Setting<T>| {
         let value = setting.get(owner)?;

@@ -1,4 +1,4 @@
-//! The documentation of settings: a table in Markdown, generated from the declarations.
+//! The documentation of settings: tables in Markdown and in plain text, generated from the declarations.
 
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ pub struct Row {
     pub default: Option<Value>,
     /// Description of the accepted values.
     pub accepts: String,
-    /// Ends of the range of accepted numbers; `None` if the accepted values are not a range.
+    /// Ends of the range of accepted numbers; the lower end may itself be refused. `None` if the accepted values are not a range.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
     /// Unit of the value; empty = none.
@@ -52,7 +52,8 @@ pub struct Row {
 }
 
 impl<T> Setting<T> {
-    /// The option of `experiments render` that sets this setting, without dashes in front: `lod-bias`.
+    /// Name of this setting as an option of `experiments render`, without dashes in front: `lod-bias`. The option exists if the setting has
+    /// [`Home::Option`].
     pub fn option(&self) -> String {
         self.name().replace('_', "-")
     }

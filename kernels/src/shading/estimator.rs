@@ -26,8 +26,8 @@ pub enum Estimator {
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
     /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. If the anisotropy of the scene is 1, the mean of `Stf` on near and
-    /// far cliff is the mean of `Fc5`. On splat, the mean of `Stf` is the exact blend of near cliff, because the height blend of splat would need
-    /// the heights of all four materials.
+    /// far cliff is the mean of `Fc5`. On splat, the mean of `Stf` is the same as on near cliff, because the height blend of splat would need the
+    /// heights of all four materials.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
     /// the height blend. Far cliff uses only the lower of the two tiling scales, so its scale changes abruptly at some distances.
@@ -42,7 +42,7 @@ pub enum Estimator {
     HexMean,
 }
 
-/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 values stay out of the range of denormals.
+/// Factor on the variance that [`Estimator::Variance`] writes, so that most f16 values stay out of the range of denormals.
 pub const VARIANCE_SCALE: f64 = 1024.0;
 
 /// Name of an estimator, its fetches per pixel on near cliff, far cliff and splat, and whether it draws random numbers on each of these
@@ -108,8 +108,8 @@ impl Estimator {
     }
 
     /// Fetches per pixel that a flavour should take with this estimator; counted fetches are compared with this number. It includes neither the fetch
-    /// for colour modulation nor the fetches for the second tiling scale of splat. [`Estimator::Variance`] reads nothing for flavours that it does
-    /// not measure.
+    /// for colour modulation nor the fetches for the second tiling scale of splat. [`Estimator::Variance`] takes none for flavours that it does not
+    /// measure.
     ///
     /// The numbers of [`Estimator::Fc5`] are from Moore (GDC 2018, "Near and Far Cliff Differences"). Ruling 1 in `ARCHITECTURE.md` corrects two rows
     /// of this slide.
@@ -124,7 +124,7 @@ impl Estimator {
         }
     }
 
-    /// Sum of [`Estimator::promised_fetches`] over the flavours of a variant: the cost of a pixel that needs all of them.
+    /// Sum of [`Estimator::promised_fetches`] over the flavours of a variant: the promised fetches of a pixel that needs all of them.
     pub fn promised_fetches_of(self, variant: Variant) -> u32 {
         variant.flavours().map(|flavour| self.promised_fetches(flavour)).sum()
     }
@@ -135,8 +135,8 @@ impl Estimator {
     }
 
     /// Returns the estimator whose picture equals the mean of this estimator's pictures over seeds, for the flavours in which this estimator draws
-    /// random numbers. There are two exceptions. The mean of [`Estimator::Stf`] has no anisotropic filtering, and for splat, it is the
-    /// exact blend of near cliff.
+    /// random numbers. The mean of [`Estimator::Stf`] differs from the exact blend in two ways: it has no anisotropic filtering, and on splat, it is
+    /// the mean of near cliff.
     pub const fn mean(self) -> Estimator {
         match self {
             Estimator::Fc5 | Estimator::Stf => Estimator::Exact,
@@ -161,7 +161,7 @@ impl Estimator {
         }
     }
 
-    /// Whether splat can blend two tiling scales with this estimator. If not, splat always uses one scale.
+    /// Whether splat can blend two tiling scales with this estimator. If not, splat uses one scale.
     pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)
     }

@@ -1,4 +1,4 @@
-//! Shading: computes the G-buffer from depth, normals and terrain data, with one indirect draw of tiles per variant.
+//! Shading: computes the G-buffer from depth, normals and terrain data, with one indirect draw of tiles per pipeline.
 //!
 //! Reads depth, normals, tile lists, terrain and virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and
 //! on request a diagnostics target (fetches, choice, tile mask). Override constants specialise one WGSL module into 31 variants and the generic
@@ -94,15 +94,20 @@ pub struct Settings {
 }
 
 impl PipelineKey {
-    /// Returns the canonical key of this pipeline. It has default values for the parameters that the flavours of the kernel do not use, so that
-    /// equivalent pipelines are built only once.
+    /// Returns the canonical key of this pipeline. The key of a variant has default values for parameters that its flavours do not use, so that fewer
+    /// equivalent pipelines are built. The key of the generic kernel stays as it is.
     #[must_use]
     pub fn canonical(self) -> PipelineKey {
         let Kernel::Variant(variant) = self.kernel else { return self };
         let estimated = variant.has(Flavour::NearCliff) || variant.has(Flavour::FarCliff) || variant.has(Flavour::Splat);
         let estimator = if estimated || self.estimator == Estimator::Variance { self.estimator } else { Estimator::Fc5 };
         let noise = if estimator.is_stochastic(variant) { self.noise } else { NoiseKind::HashedIsotropic };
-        PipelineKey { estimator, noise, two_tilings: self.two_tilings && variant.has(Flavour::Splat), ..self }
+        PipelineKey {
+            estimator,
+            noise,
+            two_tilings: self.two_tilings && variant.has(Flavour::Splat) && estimator.has_two_tilings(),
+            ..self
+        }
     }
 
     /// The override constants of `shading.wgsl`.

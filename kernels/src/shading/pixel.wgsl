@@ -6,8 +6,8 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise that drives the random choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle; the depth test discards the part of it below the tile. If not, a tile is two triangles that share a
-// diagonal. Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
+// Whether a tile is drawn as one triangle; the depth test discards the part of the triangle below the tile. If not, a tile is two triangles that
+// share a diagonal. Devices usually shade pixels in groups of 2 x 2 or more and shade each group on the diagonal twice.
 override ONE_TRIANGLE: bool = false;
 // Edge length of a tile, pixels.
 override TILE: u32 = 8u;
@@ -38,7 +38,7 @@ override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATO
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
 // Whether near cliff, far cliff and splat are shaded alike: in each projection, all four materials (eight for `luna8`) are blended at tiling scale 0.
-// One exception: on far cliff, `laplacian` uses a tiling scale that depends on the distance.
+// Exception: on far cliff, `laplacian` uses a tiling scale that depends on the distance.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
 // The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and

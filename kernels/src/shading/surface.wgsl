@@ -83,6 +83,6 @@ fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurf
         }
     }
     let modulation = terrain_colour_modulation(pixel.node);
-    // The variance is scaled, so that f16 values stay out of the range of denormals.
+    // The variance is scaled, so that usual values are not denormal in f16.
     return ShadedSurface(variance * modulation * modulation * SHADING_VARIANCE_SCALE, pixel.normal, 0.0, 0.0);
 }

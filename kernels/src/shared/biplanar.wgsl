@@ -2,18 +2,18 @@
 // Source: Quilez, "Biplanar mapping", 2020.
 
 // 1 / sqrt 3: the size of each component of a unit vector that faces all three axes equally. Components of at most this size have weight 0. Where the
-// middle and the smallest component are equal in size, the dropped projection changes. Neither component is then larger than 1 / sqrt 3, so no weight
-// jumps.
+// middle and the smallest component are equal in size, the dropped projection changes. Neither component is then larger than 1 / sqrt 3, so both
+// projections have weight 0 there.
 const BIPLANAR_DIAGONAL: f32 = 0.57735027;
 const BIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 
 struct Biplanar {
-    axes: vec2<u32>,            // ascending
+    axes: vec2<u32>,            // the two axes with the largest |n_i|; the axis with the lower index first
     weights: vec2<f32>,         // sum to 1
 }
 
-// Weights of the two largest components: ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8), normalised. `sharpness` is k, the exponent of tri-planar
-// weights. On the eight diagonals, the first axis gets all the weight. If k is above 0, the blend jumps only there.
+// Scales n to length 1, then weights its two largest components: ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8), normalised. `sharpness` is k, the
+// exponent of tri-planar weights; its eighth is the exponent here. On the eight diagonals, the first axis gets all the weight.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));
     var axes = vec2<u32>(0u, 1u);

@@ -1,13 +1,13 @@
 //! Blue-noise masks: tables of ranks, which [`noise::mask`](super::noise::mask) converts to thresholds. The errors that these thresholds cause in
-//! neighbouring pixels cancel when they are seen from a distance.
+//! neighbouring pixels mostly cancel when they are seen from a distance.
 //!
 //! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one at the
 //! position with the least energy. The energy is the sum of Gaussians around the existing points. The index of a point in this order is its rank. The
 //! spatio-temporal mask (Wolfe, Morrical, Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume:
 //! the energy between two points is the spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
 //!
-//! Masks are computed at run time in integer arithmetic: energies come from tables of integers up to 2^24, the initial pattern comes from a hash, and
-//! fixed rules break ties. Every machine therefore computes the same masks. The points of each spatio-temporal slice are then ranked again within the
+//! Masks are computed at run time in integer arithmetic, so that machines compute the same masks: energies come from tables of integers up to 2^24,
+//! the initial pattern comes from a hash, and fixed rules break ties. The points of each spatio-temporal slice are then ranked again within the
 //! slice, in the order that they have in the volume, so that each slice contains every rank once.
 
 use std::sync::OnceLock;
@@ -36,7 +36,7 @@ const FIRST_PART: usize = 10;
 const SEED: u32 = 0x0b1e;
 
 /// The ranks of the blue-noise mask, then the ranks of each slice of the spatio-temporal mask. The mask and each slice have EDGE x EDGE ranks, row by
-/// row. They are computed once, in about a tenth of a second.
+/// row. They are computed at the first call.
 pub fn ranks() -> &'static [u32] {
     static MASKS: OnceLock<Vec<u32>> = OnceLock::new();
     MASKS.get_or_init(|| {
@@ -91,7 +91,8 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
         torus.turn(i);
     }
     // This loop covers Ulichney's last two phases. The last phase looks for the tightest cluster of free positions. This is also the largest void,
-    // because the energy of the points and the energy of the free positions add up to the same sum at every position.
+    // because the energy of the points and the energy of the free positions add up to the same sum at every position, apart from the hashes that
+    // break ties.
     for rank in first..points {
         let i = torus.largest_void();
         torus.turn(i);
@@ -128,8 +129,8 @@ impl Torus {
         let weight = |row: usize, column: usize| if row.max(column) <= REACH { gaussian(row * row + column * column) } else { 0 };
         let mut torus = Torus {
             slices,
-            // The initial energies are 8-bit hashes, which are less than 2^-16 of the energy of a point. They break ties between energies. If a tie
-            // remains, the lower index is chosen.
+            // The initial energies are 8-bit hashes, which are less than 2^-16 of the energy that a point adds at its own position. They break most
+            // ties between energies. If a tie remains, the lower index is chosen.
             energy: (0..).take(slices * AREA).map(|i| hash::mix(seed, i, 0) & 255).collect(),
             set: vec![0; slices * AREA],
             rows: [vec![0; slices * SIDE], vec![0; slices * SIDE]],

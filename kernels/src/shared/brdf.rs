@@ -5,7 +5,7 @@
 use super::bounded;
 use super::real::Real;
 
-/// Lower limit of alpha. A smaller alpha would give a highlight that is narrower than f32 can resolve in n.h.
+/// Lower limit of alpha. With a much smaller alpha, the highlight would be narrower than f32 can resolve in n.h.
 pub const MIN_ALPHA: f64 = 0.002;
 
 /// alpha for a perceptual roughness, which is clamped to 0..=1. The result is in [`MIN_ALPHA`]..=1.
@@ -43,9 +43,9 @@ pub fn f_schlick<T: Real>(f0: [T; 3], u: T) -> [T; 3] {
     f0.map(|f| bounded(f, 0.0, 1.0)).map(|f| f + (T::one() - f) * grazing)
 }
 
-/// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of this module's BRDF for dielectrics, but up to 0.31 too
-/// dark for metals seen at a grazing angle. Karis, *Physically Based Shading on Mobile*, 2014: an analytic fit in place of the split-sum table, after
-/// Lazarov, *Getting More Physical in Call of Duty: Black Ops II*, SIGGRAPH 2013.
+/// Directional albedo under uniform light, 0..=1. Compared with the integral of this module's BRDF at test points, the result is within 0.1 for
+/// dielectrics, but up to 0.31 too dark for metals seen at a grazing angle. Karis, *Physically Based Shading on Mobile*, 2014: an analytic fit in
+/// place of the split-sum table, after Lazarov, *Getting More Physical in Call of Duty: Black Ops II*, SIGGRAPH 2013.
 pub fn env_approx<T: Real>(f0: [T; 3], perceptual_roughness: T, n_dot_v: T) -> [T; 3] {
     let roughness = bounded(perceptual_roughness, 0.0, 1.0);
     let term = |slope: f64, offset: f64| roughness * T::of(slope) + T::of(offset);

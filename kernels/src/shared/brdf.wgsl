@@ -1,7 +1,7 @@
 // Microfacet specular reflection: GGX with Smith's height-correlated visibility and Schlick's Fresnel.
 // alpha = perceptual_roughness²; perceptual_roughness = 1 - smoothness.
 
-// Lower limit of alpha. A smaller alpha would give a highlight that is narrower than f32 can resolve in n.h.
+// Lower limit of alpha. With a much smaller alpha, the highlight would be too narrow for f32 to resolve in n.h.
 const BRDF_MIN_ALPHA: f32 = 0.002;
 const BRDF_PI: f32 = 3.14159265;
 

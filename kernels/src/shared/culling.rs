@@ -2,8 +2,8 @@
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
-//! The tests are conservative: nothing visible is ever culled, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is that some
-//! invisible terrain is still drawn: terrain that lies beyond a threshold by less than the margin for rounding errors, such as [`SLACK`].
+//! The tests are conservative: a margin for rounding errors, such as [`SLACK`], keeps visible terrain from being culled, in f32 and in f64, whether
+//! denormals are kept or flushed to zero. The cost is that invisible terrain within this margin is still drawn.
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
@@ -47,10 +47,12 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     known && distance < -(T::of(SLACK) * size + T::of(FLUSHED))
 }
 
-/// Whether all of a patch faces away from the eye. The patch lies in a sphere of `radius` m, and `to_patch` goes from the eye to the centre of this
-/// sphere, m. The normals of the patch lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle,
-/// 0..=1, where 1 means any direction. The half angle a of the cone and the angular radius s of the sphere add up, where sin s = radius / distance:
-/// all normals face away if axis . `to_patch` > sin(a + s), with both vectors normalised.
+/// Whether a patch certainly faces away from the eye. The patch lies in a sphere of `radius` m, and `to_patch` goes from the eye to the centre of
+/// this sphere, m. The normals of the patch lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half
+/// angle, 0..=1, where 1 means any direction.
+///
+/// Let a be the half angle of the cone, and s the angular radius of the sphere: sin s = radius / distance. If a + s is less than a right angle, all
+/// normals face away if axis . `to_patch` > sin(a + s), with both vectors normalised.
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
@@ -81,7 +83,8 @@ pub(crate) const NEAREST: f64 = 1e-6;
 /// Normalised device coordinates are clamped to ± this value. Farther outside the picture, the exact position makes no difference.
 const OUTSIDE: f64 = 4.0;
 /// Bound on the rounding error of a screen position, relative to 1 + |q|, where q is the quotient of two clip coordinates. The quotient has an error
-/// of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total.
+/// of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total. Errors of the clip coordinates themselves
+/// are added separately. The same bound is used for the rounding error of [`Cover::depth`].
 const FEW: f64 = 8.0 / 8_388_608.0;
 
 /// The pixels that a box covers on the screen, rounded outwards.
@@ -96,10 +99,13 @@ pub struct Cover<T> {
 }
 
 /// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
-/// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
-/// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest pixels of the picture, and the
-/// frustum test must cull it. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed
-/// terms are more than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
+/// matrix from the box's coordinates to clip space; w is the distance along the view, m. `near` is the smallest distance that is drawn, m.
+///
+/// The pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest pixels of the picture. The
+/// frustum test must cull such a box.
+///
+/// `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are more than about
+/// 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -160,9 +166,9 @@ pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
     size.map(|side| (side.saturating_sub(1) >> level) + 1)
 }
 
-/// Whether a box is hidden: everything that was drawn at the pixels of the box is nearer than the nearest point of the box. `depth` is the reversed
-/// depth of this nearest point. `farthest` are the least reversed depths in the texels of the depth pyramid that the box covers; 0 means that nothing
-/// was drawn. False if a depth is NaN.
+/// Whether a box is certainly hidden: all surfaces that were drawn at the pixels of the box are nearer than the nearest point of the box. `depth` is
+/// the reversed depth of this nearest point. `farthest` are the least reversed depths in the texels of the depth pyramid that the box covers; 0 means
+/// that nothing was drawn in a part of the texel. False if a depth is NaN.
 pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
     farthest.iter().all(|&stored| depth < stored)
 }

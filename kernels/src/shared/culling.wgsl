@@ -1,5 +1,5 @@
 // Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away from the eye. The
-// tests are conservative: nothing visible is ever culled. culling.rs explains the constants CULLING_..., which the host passes to this file.
+// tests are conservative: in case of doubt, a part is kept. culling.rs explains the constants CULLING_..., which the host passes to this file.
 
 // Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
 // beyond 1e15.
@@ -38,7 +38,7 @@ struct CullingCover {
     // First and last column and row of pixels, counted from the upper left corner of the picture.
     first: vec2<u32>,
     last: vec2<u32>,
-    // Reversed depth of the box's nearest point: distance of the near plane / distance of the point along the view direction.
+    // Upper bound on the reversed depth of the box's nearest point: distance of the near plane / distance of the point along the view direction.
     depth: f32,
 }
 
@@ -98,7 +98,7 @@ fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
 }
 
 // Size of a level of the depth pyramid of a picture of `size` pixels, in texels. It is rounded up. If it were rounded down, the last column of a
-// level with an odd number of columns would be in no texel of the next coarser level, and a box that is visible only in this column would be culled.
+// level with an odd number of columns would be in no texel of the next coarser level, and a box that is visible only in this column could be culled.
 fn culling_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
     return ((max(size, vec2<u32>(1u)) - vec2<u32>(1u)) >> vec2<u32>(level)) + vec2<u32>(1u);
 }

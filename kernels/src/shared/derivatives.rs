@@ -8,14 +8,16 @@ use super::octahedral::unit;
 use super::real::{Real, add, dot, length, scale, sub};
 
 /// Lower limit of |cosine| of the angle between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by this limit.
-/// With this limit, the step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and
-/// beyond the horizon of the plane the ray does not hit the plane at all.
+/// With this limit, the step along the surface is at most about 100 times the step across the view. This is far more than the anisotropy of a texture
+/// filter. Beyond the horizon of the plane, the ray does not hit the plane at all.
 pub const MIN_COSINE: f64 = 0.01;
 
-/// Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is `ray * t`, relative to the
-/// eye; `ray_step` is the difference between the neighbour's ray and `ray`; `normal` is a normal of the plane, of any length. A normal without usable
-/// direction counts as the z axis. Zero if another input is not finite, or if a component of the neighbour's ray or of the step is beyond 1e18,
-/// because both vectors are squared.
+/// Step, metres, from the point at which a pixel sees a plane to the point at which its neighbour sees the same plane. The pixel's point is
+/// `ray * t`, relative to the eye. `ray_step` is the difference between the neighbour's ray and `ray`. `normal` is a normal of the plane, of any
+/// length; a normal without usable direction counts as the z axis.
+///
+/// The result is zero if another input is not finite, or if a component of the neighbour's ray or of the step is beyond 1e18. Up to this limit,
+/// squares of both vectors fit f32.
 pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) -> [T; 3] {
     let n = unit(normal);
     let neighbour = add(ray, ray_step);

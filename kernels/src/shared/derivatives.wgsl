@@ -2,15 +2,15 @@
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018: rays through the neighbouring pixels are
 // intersected with the plane of the triangle.
 
-// Lower limit of |cosine| of the angle between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by this limit.
-// With this limit, the step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and
-// beyond the horizon of the plane the ray does not hit the plane at all.
+// Lower limit of |cosine| of the angle between the plane's normal and the neighbouring pixel's ray. A smaller |cosine| is replaced by this limit, and
+// so is a cosine of the other sign: beyond the horizon of the plane, the ray does not hit the plane at all. With this limit, the step along the
+// surface is at most about 100 times the step across the view. Texture filters cannot resolve much longer steps.
 const DERIVATIVES_MIN_COSINE: f32 = 0.01;
 
-// Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is ray * t, relative to the
-// eye; `ray_step` is the difference between the neighbouring pixel's ray and `ray`; `normal` is a normal, of any length, of the plane through the
-// point. A normal without usable direction counts as the z axis. Zero if another input is not finite, or if a component of the neighbour's ray or of
-// the step is beyond 1e18, because both vectors are squared.
+// Step from the position that a pixel sees on a plane to the position that its neighbour sees on the same plane, metres. The pixel's position is
+// ray * t, relative to the eye; `ray_step` is the neighbour's ray minus `ray`; `normal` is a normal of the plane, of any length. A normal without
+// usable direction counts as the z axis. The result is zero if another input is not finite, or if a component of the neighbour's ray or of the step
+// is beyond 1e18, because squares of longer vectors would leave the range of f32.
 // The step is the neighbour's position minus the pixel's position. At large distances these two vectors nearly cancel, so the formula is rearranged
 // to avoid their subtraction.
 fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec3<f32>) -> vec3<f32> {

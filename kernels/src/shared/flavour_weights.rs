@@ -15,7 +15,8 @@ use crate::variant::Flavour;
 /// A weight of at most this value counts as zero: a flavour with such a weight changes an 8-bit channel by at most half a step, which is not worth
 /// its cost.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
-/// Smallest weight, before normalisation, of each flavour of a forced variant. A variant is forced if a user selects it for every tile.
+/// Smallest weight, before normalisation, of each flavour of a forced variant. A forced variant is used on every tile, whatever flavours the pixels
+/// need.
 pub const FORCED_WEIGHT: f64 = 1e-3;
 
 const fn place(flavour: Flavour) -> Constant {
@@ -55,11 +56,11 @@ pub struct FlavourParams {
     pub cliff_near_m: f32,
     /// Half the width of the transition between two flavours, as a share of the distance at which they change, 0..=1.
     pub distance_blend: f32,
-    /// Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
-    /// not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
+    /// Two values of the unit normal's z, first <= second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
+    /// not. Between the two values, the weight of cliff falls to 0. If the second value is -1 or less, there are no cliffs.
     pub cliff_cos: [f32; 2],
-    /// Two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat if z is below
-    /// the first, and as ground if z is above the second; between them, splat fades out.
+    /// Two values of the unit normal's z, first <= second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat if z is below
+    /// the first, and as ground if z is above the second. Between the two values, the weight of splat falls to 0.
     pub splat_cos: [f32; 2],
     /// Not 0 if there is a splat band.
     pub splat_enabled: u32,
@@ -70,7 +71,7 @@ pub struct FlavourParams {
 }
 
 /// Blend weights of the five flavours, >= 0, summing to 1. `distance` is in metres along the view ray; `normal_z` is the z component of the unit
-/// normal. NaN counts as far and flat, which gives the cheapest flavour.
+/// normal. A distance that is NaN counts as far, a normal that is NaN as flat.
 pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T; 5] {
     let one = T::one();
     let distance = if distance < T::of(1e9) { distance.max(T::zero()) } else { T::of(1e9) };
@@ -96,8 +97,8 @@ pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     if bits == 0 { FAR_ATLAS } else { bits }
 }
 
-/// The weights of the flavours in a variant's `mask`, summing to 1. A flavour that [`mask`] leaves out has weight zero here, too, so that a pixel
-/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`] before
+/// The weights of the flavours in a variant's `mask`, summing to 1. If not `forced`, a flavour that [`mask`] leaves out has weight zero here, too, so
+/// that a pixel looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`] before
 /// normalisation, so that the shader evaluates it. If no weight of the mask is above [`MIN_WEIGHT`], all flavours of the mask get equal weights. An
 /// empty mask counts as far atlas.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
@@ -115,7 +116,7 @@ pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] 
 
 const FAR_ATLAS: u32 = Flavour::FarAtlas.bit() as u32;
 
-/// 0 below `low`, 1 above `high`, Hermite interpolation in between; a step if `low` equals `high`.
+/// 0 below `low`, 1 above `high`, Hermite interpolation in between; if `low` equals `high`, a step that is 1e-6 wide.
 fn ramp<T: Real>(x: T, low: T, high: T) -> T {
     let t = bounded((x - low) / (high - low).max(T::of(1e-6)), 0.0, 1.0);
     t * t * (T::of(3.0) - T::of(2.0) * t)

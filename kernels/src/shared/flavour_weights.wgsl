@@ -13,11 +13,11 @@ struct FlavourParams {
     cliff_near_m: f32,
     // Half the width of the transition between two flavours, as a share of the distance at which they change, 0..=1.
     distance_blend: f32,
-    // Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
-    // not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
+    // Two values of the unit normal's z, first < second. Surfaces with z below the first count as cliff, surfaces with z above the second do not;
+    // between the two values, cliff fades out. If the second is -1 or less, there are no cliffs.
     cliff_cos: vec2<f32>,
-    // Two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat if z is below
-    // the first, and as ground if z is above the second; between them, splat fades out.
+    // The splat band: two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat
+    // if z is below the first, and as ground if z is above the second; between the two values, splat fades out.
     splat_cos: vec2<f32>,
     // Not 0 if there is a splat band.
     splat_enabled: u32,
@@ -35,7 +35,7 @@ fn flavour_is_in(mask: u32, bit: u32) -> bool {
     return (mask & bit) != 0u;
 }
 
-// 0 below `low`, 1 above `high`, Hermite interpolation in between; a step if `low` equals `high`.
+// 0 below `low`, 1 above `high`, Hermite interpolation in between; if `low` equals `high`, a step that is 1e-6 wide.
 fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
     let t = clamp((x - low) / max(high - low, 1e-6), 0.0, 1.0);
     return t * t * (3.0 - 2.0 * t);
@@ -99,10 +99,10 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
     return select(0.0, select(w, max(w, FLAVOUR_FORCED_WEIGHT), forced), present);
 }
 
-// The weights of the flavours in a variant's mask, summing to 1. A flavour that `flavour_mask` leaves out has weight zero here, too, so that a pixel
-// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets at least FLAVOUR_FORCED_WEIGHT before
-// normalisation, so that the shader evaluates it. If no weight of the mask is above FLAVOUR_MIN_WEIGHT, all flavours of the mask get equal weights.
-// An empty mask counts as far atlas.
+// The weights of the flavours in a variant's mask, summing to 1. If `forced` is 0, weights of at most FLAVOUR_MIN_WEIGHT become 0, as in
+// `flavour_mask`, so that a pixel looks the same in every variant that contains its mask; if no weight of the mask is larger, all flavours of the
+// mask get equal weights. If `forced` is not 0, every flavour of the mask gets at least FLAVOUR_FORCED_WEIGHT before normalisation, so that the
+// shader evaluates it. An empty mask counts as far atlas.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

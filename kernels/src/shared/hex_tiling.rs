@@ -27,8 +27,8 @@ pub struct HexTiling<T> {
     pub weights: [T; 3],
 }
 
-/// The level (2^level hexagons along a sector) for a texture that repeats `repeats` times along a sector: about 2√3 hexagons per repeat, within a
-/// factor √2.
+/// The level for a texture that repeats `repeats` times along a sector, which then has 2^level hexagons along its edge. The level is chosen so that
+/// there are 2√3 hexagons per repeat, within a factor √2. It is clamped to [`LEVELS`].
 pub fn level<T: Real>(repeats: T) -> i32 {
     let spacings = bounded(repeats, 1e-6, 1e6) * T::of(12.0_f64.sqrt());
     spacings.log2().round().to_i32().expect("bounded").clamp(LEVELS[0], LEVELS[1])

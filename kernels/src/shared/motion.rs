@@ -1,4 +1,4 @@
-//! Computes exactly at which pixel an earlier camera saw a point of this frame, from depth and the two cameras.
+//! Computes at which pixel an earlier camera saw a point of this frame, from depth and the two cameras.
 //!
 //! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and the component of r along the view
 //! direction f is 1. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and
@@ -77,9 +77,9 @@ impl<T: Real> Past<T> {
     }
 }
 
-/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The result is `[-1e9, -1e9, 0]` if the
-/// point is behind the earlier camera, if its distance is not between [`MIN_DISTANCE`] and [`FAR`], if a coordinate of the pixel is beyond 1e9, or if
-/// the input is not finite. In WGSL: `motion_reproject`.
+/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye. The distance is along the earlier view
+/// direction. The result is `[-1e9, -1e9, 0]` if the distance is not between [`MIN_DISTANCE`] and [`FAR`], if a coordinate of the pixel is beyond
+/// 1e9, or if the input is not finite. In WGSL: `motion_reproject`.
 pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
     let q = add(point, past.offset);
@@ -100,9 +100,9 @@ pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     if ray.iter().all(|x| x.abs() <= T::of(1e30)) { ray } else { [T::zero(); 3] }
 }
 
-/// Distance along the earlier view direction at which `ray`, the ray of a pixel of the earlier camera, meets the plane through `point` with the
-/// normal `normal`. 0 if the plane is edge-on, or if the distance is not between [`MIN_DISTANCE`] and [`FAR`]. In WGSL:
-/// `motion_expected_distance`.
+/// Distance along the earlier view direction at which `ray`, the ray of a pixel of the earlier camera, meets a plane. The plane goes through `point`,
+/// which is relative to the later eye, and has the unit normal `normal`. The result is 0 if the plane is almost edge-on, or if the distance is not
+/// between [`MIN_DISTANCE`] and [`FAR`]. In WGSL: `motion_expected_distance`.
 pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
     let along = dot(normal, ray);
     let distance = dot(normal, add(point, past.offset)) / along;
@@ -116,9 +116,9 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a row of pixels belongs to a quarter of the rows; `quarter` is 0 to 3. The rows are divided into groups of four. A quarter has one row of
-/// each group; from each group to the next, the place of this row in the group moves by one. In WGSL: `motion_row_of_quarter`, which returns the row
-/// of a group that belongs to the quarter.
+/// Whether a row of pixels belongs to one of four quarters of the rows; `quarter` is 0 to 3. The rows are divided into groups of four, and each group
+/// has one row of each quarter. From each group to the next, the place of a quarter's row in its group moves by one. In WGSL:
+/// `motion_row_of_quarter`, which returns the row of a quarter in a group.
 pub fn in_quarter(row: u32, quarter: u32) -> bool {
     row % 4 == (quarter + row / 4) % 4
 }

@@ -1,4 +1,4 @@
-// Computes exactly at which pixel an earlier camera saw a point of this frame, from depth and the two cameras. This needs neither a velocity target
+// Computes, from depth and the two cameras, to which pixel of an earlier frame a point of this frame projects. This needs neither a velocity target
 // nor a search. Positions are relative to an eye, and the host computes the vector between the two eyes in f64, so the result is as precise
 // 1000 km from the origin as at the origin.
 

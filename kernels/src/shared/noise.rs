@@ -1,9 +1,9 @@
-//! Random thresholds in [0, 1) for stochastic choices. Each call returns four independent thresholds, one for each random decision of a pixel, such
-//! as the choice of a material.
+//! Random thresholds in [0, 1) for stochastic choices. Each call returns four thresholds, which are independent of each other over seeds: one for
+//! each random decision of a pixel, such as the choice of a material.
 //!
 //! There are seven kinds of noise. Three are bound to the ground (hashed alpha in two forms, white noise of fixed cells), and four to the screen
-//! (white noise, interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Each kind is exactly uniform over seeds; the
-//! kinds differ in how neighbouring pixels and frames are correlated.
+//! (white noise, interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Over seeds, the thresholds of each kind are
+//! uniform. The kinds differ in how neighbouring pixels and frames are correlated.
 //!
 //! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) divides space into cells that are about as wide as a pixel, and hashes the cell
 //! that contains the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size are blended, so that the size
@@ -14,8 +14,8 @@
 //! of two and the scales of the other axes do not. This is a limit of the published method.
 //!
 //! A position is computed in f32, so the same point of the ground has slightly different coordinates in two frames. If cells were as small as this
-//! difference, points would change their cells and random numbers whenever the camera moves, even by a centimetre. Three rules, which the paper does
-//! not have, make such changes rare:
+//! difference, points would often change their cells and random numbers when the camera moves. Three rules, which the paper does not have, make such
+//! changes rare:
 //!
 //! - No cell is narrower than 2^[`STEPS`] steps of f32 ([`finest`]). A step is the distance between neighbouring f32 values. Along the elevation, the
 //!   step depends on the elevation of the point: it is 0.06 mm at 700 m. Along east and north, the step is that at the coordinate
@@ -48,17 +48,19 @@ pub const LEVEL_MIN: i32 = -5;
 pub const LEVEL_MAX: i32 = 16;
 /// No cell is narrower than 2^`STEPS` times the distance between neighbouring f32 values at the coordinate of the cell.
 pub const STEPS: i32 = 4;
-/// Scale of the smallest cells along an axis whose largest coordinate is 1 m: f32 has 23 bits after the leading one.
+/// Scale of the smallest cells along an axis whose largest coordinate is 1 m, before it is limited to [`LEVEL_MAX`]: f32 has 23 bits after the
+/// leading one.
 const FINEST_AT_1_M: i32 = 23 - STEPS;
-/// The smallest f32 above the square root of 2, as bits after the leading one. Where the elevation passes 2^n times this number, the finest scale
-/// changes. It does not change at the powers of two, because level ground often has such an elevation, and rounding would switch its scale.
+/// The smallest f32 above the square root of 2, as bits after the leading one. The finest scale changes where the elevation passes 2^n times this
+/// number; below 11.3 m, it is constant, because it is limited to [`LEVEL_MAX`]. The scale does not change at the powers of two, because level ground
+/// often has such an elevation, and rounding would switch its scale.
 const OCTAVE_BORDER: u32 = 0x35_04f4;
 /// Lower limit of the footprint along any axis in the anisotropic kind, as a share of the footprint along the axis on which the footprint is widest.
 /// A power of two, so that the product is exact.
 pub const LEAST_SHARE: f64 = 1.0 / 16.0;
 /// Share of the cell width by which borders between cells are above the multiples of the cell width, along the elevation: a third, as the nearest
-/// f32. Elevations in data are rounded to decimals or to binary fractions, and thus never to a third of a cell. The share must not be close to 1: the
-/// fraction of a small negative number is close to 1, and f32 rounds it more coarsely than f64, so the two could compare differently.
+/// f32. Elevations in data are usually rounded to decimals or to binary fractions, and thus not to a third of a cell. The share must not be close to
+/// 1: the fraction of a small negative number is close to 1, and f32 rounds it more coarsely than f64, so the two could compare differently.
 pub const BORDER: f64 = 11_184_811.0 / 33_554_432.0;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
@@ -87,7 +89,7 @@ pub enum NoiseKind {
     WhiteWorld,
     /// Interleaved gradient noise, which depends on pixel and frame.
     InterleavedGradient,
-    /// A blue-noise mask over the screen, the same in every frame.
+    /// A blue-noise mask over the screen, the same in all frames with the same seed.
     Blue,
     /// A blue-noise mask that is also blue along time, with one slice per frame.
     SpatioTemporalBlue,
@@ -168,7 +170,7 @@ impl NoiseKind {
         matches!(self, NoiseKind::Blue | NoiseKind::SpatioTemporalBlue)
     }
 
-    /// Whether the thresholds change from frame to frame while the camera stands still.
+    /// Whether the thresholds change from frame to frame while neither the camera moves nor the seed changes.
     pub const fn is_per_frame(self) -> bool {
         matches!(self, NoiseKind::WhiteScreen | NoiseKind::InterleavedGradient | NoiseKind::SpatioTemporalBlue)
     }
@@ -249,8 +251,8 @@ pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -
 
 /// The random numbers at two scales that [`hashed_anisotropic`] blends.
 pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
-    // A component of a derivative is shorter than the derivative, so cells would be smaller than those of the isotropic kind. The square root of 2,
-    // the inverse of the paper's factor 0.707, compensates for this.
+    // A component of a derivative is at most as long as the derivative, so on average, cells would be smaller than those of the isotropic kind. The
+    // square root of 2, the inverse of the paper's factor 0.707, compensates for this.
     let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
     let widths: [T; 3] = std::array::from_fn(|i| bounded(widen * point.ddx[i].abs().max(point.ddy[i].abs()), 0.0, 1e6));
     let least = T::of(LEAST_SHARE) * widths[0].max(widths[1]).max(widths[2]);
@@ -266,9 +268,9 @@ pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
     }
 }
 
-/// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`. Both arguments are in
-/// 0..=1. The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution
-/// function. In WGSL: `noise_correct`.
+/// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`. Both arguments are clamped
+/// to 0..=1, and the result is limited to [`BELOW_ONE`]. Source: Wyman & McGuire 2017, the three cases of the distribution function. In WGSL:
+/// `noise_correct`.
 pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
     let one = T::one();
     let x = bounded(x, 0.0, 1.0);
@@ -369,8 +371,8 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// The finest scale along each axis: log2 of cells per metre, from [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. A cell of this scale is at least 2^[`STEPS`]
-/// times as wide as the distance between neighbouring f32 values. In WGSL: `noise_finest`.
+/// The finest scale along each axis: log2 of cells per metre, clamped to the range from [`LEVEL_MIN`]` + 1` to [`LEVEL_MAX`]. Up to elevations of
+/// 10 000 km, a cell of this scale is at least 2^[`STEPS`] times as wide as the distance between neighbouring f32 values. In WGSL: `noise_finest`.
 pub fn finest<T: Real>(point: &HashedPoint<T>) -> [i32; 3] {
     let across = finest_along(bounded(point.sector_m, 0.0, 1e12));
     [across, across, finest_along(usable(point.position[2]))]
@@ -393,7 +395,8 @@ fn finest_of_all<T: Real>(point: &HashedPoint<T>) -> i32 {
     x.min(y).min(z)
 }
 
-/// The level, log2 of cells per metre, at which a cell is `footprint` metres wide; `finest` if the footprint is zero or NaN.
+/// The level, log2 of cells per metre, at which a cell is `footprint` metres wide, clamped to the range from [`LEVEL_MIN`] to `finest`. The level is
+/// `finest` if the footprint is zero or NaN.
 fn level<T: Real>(footprint: T, finest: i32) -> T {
     bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(finest))
 }

@@ -126,8 +126,8 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
 
 // Hashed alpha with one scale per axis. The parameters are those of noise_hashed_isotropic.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
-    // A component of a derivative is shorter than the derivative, so cells would be smaller than those of the isotropic kind. The factor sqrt 2
-    // compensates for this.
+    // A component of a derivative is at most as long as the derivative, so cells would be smaller on average than those of the isotropic kind. The
+    // factor sqrt 2 compensates for this.
     let across = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
     let width = vec3<f32>(usable_positive_1(across.x, 1e6), usable_positive_1(across.y, 1e6), usable_positive_1(across.z, 1e6));
     // The elevation does not change along level ground. Without a lower limit, cells would be smallest along the elevation.

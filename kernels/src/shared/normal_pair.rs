@@ -27,11 +27,12 @@ pub const FINE: i32 = 1016;
 /// shading normal's code.
 pub const PLAIN: i32 = 127;
 /// Fine form: upper limit of the angle between a plane and the decoded plane, radians (0.0798 degrees). It is √2 times a step, as for octahedral
-/// codes. The largest angles occur near the centres of the octahedron's faces. If the angle between a ray and the plane is smaller than this limit,
-/// the ray may see the plane of the nearest lattice point from behind. A different point is then chosen, and the error is at most three times this
-/// limit.
+/// codes. The largest angles occur near the centres of the octahedron's faces.
+///
+/// There is one exception. If the angle between the ray and the plane is smaller than this limit, the plane of the nearest lattice point may be seen
+/// from behind. A different point is then chosen, and the error is at most three times this limit.
 pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
-/// Plain form: upper limit of the angle between a plane and the decoded plane, radians (0.638 degrees).
+/// Plain form: upper limit of the angle between a plane and the decoded plane, radians (0.638 degrees). The exception of [`FINE_SUPREMUM`] applies.
 pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
 
 /// The two normals that a word stores.
@@ -65,8 +66,9 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// Returns the lattice point nearest to the unit vector `n` (z at least 0). The candidates are the points around `n` whose plane is seen along the
-/// unit vector `ray` from the same side as the plane with normal `n`. There is always a candidate, because `n` lies between the points.
+/// Returns the candidate nearest to the unit vector `n` (z at least 0). The candidates are the lattice points around `n` whose plane is seen along
+/// the unit vector `ray` from the same side as the plane with normal `n`. Apart from rounding, there is a candidate, because `n` lies between the
+/// points.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");
@@ -100,8 +102,8 @@ fn predict(p: [i32; 2]) -> [i32; 2] {
 }
 
 /// Encodes a plane, given by a normal of any length and either sign, and the code of a shading normal, 0..=254 each; larger codes count as 254. `ray`
-/// leads from the eye to the plane and may have any length. Along this ray, the decoded plane is seen from the same side as the given plane. A vector
-/// without usable direction counts as the z axis.
+/// leads from the eye to the plane and may have any length. The decoded plane is chosen so that along this ray, it is seen from the same side as the
+/// given plane. A vector without usable direction counts as the z axis.
 pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
     let n = octahedral::unit(plane);
     let upper = if n[2] < T::zero() { n.map(|x| -x) } else { n };
@@ -143,8 +145,8 @@ mod tests {
         Draw { row: test, column: 0, table: 8 }
     }
 
-    /// Draws a random code of a shading normal that is typical of terrain. The angle between the shading normal and the plane's normal has
-    /// a lognormal distribution with median 2 degrees and sigma 1.1.
+    /// Draws a random code of a shading normal that is typical of terrain. The angle between the shading normal and the plane's normal has a
+    /// lognormal distribution with median 2 degrees and sigma 1.1, cut off at 90 degrees.
     fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
         let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
         let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();

@@ -36,8 +36,8 @@ fn normal_pair_direction(p: vec2<i32>, half: i32) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// Returns the lattice point nearest to the unit vector n (z >= 0). The candidates are the points around n whose plane is seen along the ray from the
-// same side as the plane with normal n. There is always a candidate, because n lies between the points.
+// Returns the lattice point nearest to the unit vector n (z >= 0). The candidates are those of the four points around n whose planes are seen along
+// the ray from the same side as the plane with normal n.
 fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     let flat = octahedral_encode(n) * f32(half);
     let low = vec2<i32>(floor(flat));

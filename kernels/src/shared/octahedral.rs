@@ -28,7 +28,7 @@ pub fn encode<T: Real>(n: [T; 3]) -> [T; 2] {
     if z < T::zero() { fold([x, y]) } else { [x, y] }
 }
 
-/// Maps a point of the square to a unit vector. Coordinates beyond ±1 are clamped.
+/// Maps a point of the square to a unit vector. Coordinates beyond ±1 are clamped; NaN and coordinates beyond 1e30 count as 0.
 pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
     let e = e.map(|x| bounded(usable(x), -1.0, 1.0));
     let z = T::one() - e[0].abs() - e[1].abs();
@@ -50,7 +50,7 @@ pub fn half(bits: u32) -> u32 {
     (1 << (bits.clamp(2, 24) - 1)) - 1
 }
 
-/// Rounds each coordinate to the nearest integer, `0..=2 half`, of a code with `bits` bits ("oct" in the survey).
+/// Rounds each coordinate, which is clamped to ±1, to the nearest integer, `0..=2 half`, of a code with `bits` bits ("oct" in the survey).
 pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
     let half = f64::from(half(bits));
     e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))

@@ -5,7 +5,7 @@
 
 // Largest value of an 8-bit code before it is stored: codes are computed as -127..=127 and stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
-// The step of the codes, 1 / 127. 127 times this f32 is exactly 1; a division on a GPU need not be exact.
+// The step of the codes, 1 / 127. 127 times this f32, rounded to f32, is exactly 1; a division on a GPU need not be exact.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
 // Unit vector along v; the z axis if v has no usable direction (if all components are at most 1e-30 in magnitude, or if one component is above 1e30
@@ -47,7 +47,7 @@ fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
 }
 
 // In the next two functions, codes may have any number of bits: they are -half..=half with half = 2^(bits - 1) - 1. `step` is 1 / half, chosen so
-// that half times `step` is exactly 1.
+// that half times `step`, rounded to f32, is exactly 1.
 
 // The nearest code to each coordinate ("oct" in the survey).
 fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {

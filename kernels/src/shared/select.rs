@@ -1,7 +1,7 @@
 //! Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
 //!
-//! Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0. A
-//! stochastic flavour draws an independent `u` for each random decision, because decisions that share one `u` would bias the mean of the result.
+//! Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0. Each
+//! random decision of a pixel needs a number `u` of its own, because decisions that share one `u` would not be independent.
 
 use super::bounded;
 use super::real::Real;

@@ -1,5 +1,5 @@
 // Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
-// Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0.
+// Weights need not sum to 1; negative weights and NaN count as 0. If all weights are 0, index 0 is chosen; otherwise, no index of weight 0 is.
 
 const SELECT_MAX_WEIGHT: f32 = 1e30;
 
@@ -19,7 +19,7 @@ fn select_of_4(weights: vec4<f32>, u: f32) -> u32 {
     if target_sum < below_3 {
         return 2u;
     }
-    // Here, u is 1, the product was rounded up to the total, or all weights are 0. Choose the last index whose weight is not 0, or index 0.
+    // Here, index 3 is chosen, u is 1, the product was rounded up to the total, or all weights are 0.
     if w.w > 0.0 {
         return 3u;
     }

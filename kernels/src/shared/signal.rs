@@ -6,7 +6,7 @@ use half::f16;
 use crate::base::colour;
 use crate::base::wgsl::Constant;
 
-/// The quantity that the colour of a pixel stands for. Metrics exist for both signals.
+/// The quantity that the colour of a pixel stands for. Most metrics exist for both signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Signal {
     /// Linear albedo, before lighting. Only this signal has a theory of bias and variance.
@@ -29,7 +29,7 @@ impl Signal {
     }
 }
 
-/// Largest colour value that f16 can hold.
+/// Largest finite number of f16. Colours are clamped to ± this value.
 pub const LARGEST: f32 = 65_504.0;
 /// Number of bits for the number of fetches. From the lowest bit up, the second word stores 16 bits of blue, the number of fetches, the first random
 /// choice (`CHOICE_BITS` bits), and the bit [`TERRAIN`].
@@ -39,8 +39,9 @@ const CHOICE_FROM: u32 = 16 + FETCH_BITS;
 /// Bit of the second word that marks terrain.
 pub const TERRAIN: u32 = 0x8000_0000;
 
-/// The two words of a pixel of terrain whose colour is not finite. Such a pixel does not count as terrain, so it is in no metric but the number of
-/// invalid pixels. No other pixel has these words: a terrain pixel with a finite colour has the bit [`TERRAIN`], and the words of sky are 0.
+/// The two words of a pixel of terrain whose colour is not finite. Such a pixel does not count as terrain, so metrics of colours leave it out;
+/// `invalid_px` counts such pixels. No other pixel has these words: a terrain pixel with a finite colour has the bit [`TERRAIN`], and the words of
+/// sky are 0.
 pub const INVALID: [u32; 2] = [u32::MAX, 0xffff];
 
 /// Constants that the host passes to `signal.wgsl`.

@@ -37,7 +37,7 @@ fn signal_choice(signal: vec2<u32>) -> u32 {
     return extractBits(signal.y, SIGNAL_CHOICE_FROM, SIGNAL_CHOICE_BITS);
 }
 
-// Returns the packed pixel with a different colour.
+// Returns a packed terrain pixel with a different colour.
 fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
     return signal_pack(colour, signal_fetches(signal), signal_choice(signal));
 }

@@ -58,8 +58,9 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. That format stores numbers modulo 2^32. On a
-/// diagonal plane, the number is divided by 256, so only the 24 fractional bits of the result are valid. Use the result with scale 0 only.
+/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`], which stores numbers modulo 2^32. On a
+/// diagonal plane, only the 24 fractional bits of the result are valid, because the computation divides the number by 256. There, use the result with
+/// scale 0 only.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),

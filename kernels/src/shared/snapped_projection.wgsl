@@ -58,7 +58,7 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
 }
 
 // Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. That format stores numbers modulo 2^32. On a diagonal
-// plane, the number is divided by 256, so only the 24 fractional bits of the result are valid. Use the result with scale 0 only.
+// plane, the number is divided by 256, so only the 24 fractional bits of the result are valid, and the result can be used with scale 0 only.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);

@@ -1,8 +1,8 @@
 //! Weights of the four splat texels around a point: bilinear weights, modified by the heights of the materials.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k h_i), normalised, where w are the bilinear
-//! weights, h the heights of the materials and k the sharpness. Because of the factor w_i, the weight of a texel rises from 0 and falls to 0 without
-//! a jump as the point moves, whatever the height of the texel. Texels are in the order 00, 10, 01, 11 (x first).
+//! weights, h the heights of the materials and k the sharpness. Because of the factor w_i, w'_i goes to 0 where w_i does: as the point moves, texels
+//! come and go without a jump. Texels are in the order 00, 10, 01, 11 (x first).
 
 use super::real::Real;
 use super::{bounded, usable};

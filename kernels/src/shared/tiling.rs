@@ -1,4 +1,4 @@
-//! Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
+//! Texture tiling: scales that follow distance, and coordinates that keep their precision far from the origin.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018 (cliffs keep their texel size on screen by blending two tilings).
 
@@ -9,9 +9,9 @@ use super::real::Real;
 /// scale 0; at the upper scale, it is 2^8 times as wide.
 pub const MAX_LEVEL: f64 = 7.0;
 
-/// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f. At scale s, a repeat of a texture is 2^s times as wide as
-/// at scale 0. There is one scale per octave of `distance` beyond `near` (both in metres). `cliff`, 0..=1, is the weight of cliff; flat
-/// ground keeps scale 0.
+/// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f. At scale s, a repeat of a texture is 2^s times as wide as at
+/// scale 0. On full cliff, s + f is the number of octaves of `distance` beyond `near` (both in metres), up to [`MAX_LEVEL`]. This number is
+/// multiplied by `cliff`, 0..=1, the weight of cliff, so flat ground keeps scale 0.
 pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
     let near = bounded(near, 1e-6, 1e9);
     let octaves = (bounded(distance, 0.0, 1e9).max(near) / near).log2();

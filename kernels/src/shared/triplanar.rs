@@ -11,7 +11,8 @@ use super::{bounded, usable};
 /// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
 
-/// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If `n` has no usable direction, it counts as the z axis. 0^0 counts as 1.
+/// Weights of the three projections: |n_i|^k, normalised to sum 1; k is `sharpness` >= 0. If `n` has no usable direction, it counts as the z axis.
+/// 0^0 counts as 1.
 pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     let a = unit(n).map(T::abs);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
@@ -22,8 +23,8 @@ pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     w.map(|x| x / sum)
 }
 
-/// Coordinates in the plane perpendicular to an axis: (y, z), (x, z), (x, y). An axis above 2 counts as 2. The function only copies
-/// numbers.
+/// Coordinates in the plane perpendicular to an axis: (y, z), (x, z), (x, y). An axis above 2 counts as 2. The function only copies numbers, NaN and
+/// infinity included.
 pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     match axis {
         0 => [p[1], p[2]],
@@ -32,7 +33,8 @@ pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     }
 }
 
-/// Converts a height gradient (d/du, d/dv) in the plane perpendicular to an axis to a gradient in space. The function only copies numbers.
+/// Converts a height gradient (d/du, d/dv) in the plane perpendicular to an axis to a gradient in space. An axis above 2 counts as 2. The function
+/// only copies numbers, NaN and infinity included.
 pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     match axis {
         0 => [T::zero(), g[0], g[1]],

@@ -1,8 +1,8 @@
 //! The declaration of a stage of the frame, made once per stage: its name, shader modules, passes, settings and allocations, how it is built, and
 //! what it reports.
 //!
-//! Building, hot reload, `explain`, settings, the tests of shaders, and the workbench's panels use the declarations in the table of stages
-//! (`frame/stages.rs`). The order in which stages draw is written by hand, in `draw_into` (`frame/mod.rs`).
+//! The table of stages (`frame/stages.rs`) lists the stages. Building, hot reload, `explain`, settings, the tests of shaders, and the workbench's
+//! panels use it. The order in which stages draw is written by hand, in `draw_into` (`frame/mod.rs`).
 
 use crate::base::error::Result;
 use crate::base::section::Section;
@@ -71,10 +71,10 @@ pub trait Stage: Sized + 'static {
     /// The declaration of the stage.
     const DECLARATION: Declaration;
 
-    /// Settings of a frame that only this stage uses; `()` = none.
+    /// Settings of a frame that this stage declares; `()` = none. Other stages may read them, too: composition reads the exposure of display.
     type Settings: Part;
 
-    /// The textures and buffers that the stage writes and whose size depends on the picture's size; `()` = none.
+    /// The textures and buffers of the stage that depend on the picture's size; `()` = none.
     type Targets: 'static;
 
     /// Allocates the targets of the stage.

@@ -9,8 +9,8 @@
 //! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
 //! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
 //!
-//! Reads the ring of shaded pictures, the links, and the positions that the surface points had one frame before. Writes the ring of resolved pictures
-//! and a history. Dispatch: one workgroup per 8 x 8 pixels.
+//! Reads the ring of shaded pictures, the links, the positions that the surface points had one frame before, and the previous history. Writes the
+//! ring of resolved pictures and the new history. Dispatch: one workgroup per 8 x 8 pixels.
 
 use std::fmt;
 use std::str::FromStr;

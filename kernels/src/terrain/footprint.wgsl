@@ -2,8 +2,8 @@
 
 // Returns the position of the frame's sample in a pixel, relative to the centre of the pixel, in pixels. With FlipQuad, the samples of one frame lie
 // on the left edges of the pixels, and those of the next frame on the top edges. A sample lies a sixth of a pixel to one side of the middle of its
-// edge; this side alternates from column to column on left edges, and from row to row on top edges. So a pixel has four samples on its edges, which
-// it shares with its neighbours, and these samples have four different x coordinates and four different y coordinates.
+// edge; this side alternates from column to column on left edges, and from row to row on top edges. So a pixel that is not in the last column or row
+// has four samples on its edges, shared with its neighbours, at four different x coordinates and four different y coordinates.
 fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     let turn = select(vec2<f32>(0.16666667), vec2<f32>(-0.16666667), (pixel & vec2<u32>(1u)) == vec2<u32>(1u));
     if frame.sample_pattern == 1u {

@@ -109,7 +109,7 @@ pub struct Projection {
     pub plane: u32,
     /// Coordinates of the position in the projection, metres.
     pub at: DVec2,
-    /// Change of the coordinates to the next pixel on the right and to the next one below, metres. It includes the mip bias.
+    /// Steps of the coordinates from the pixel to its neighbours on the right and below, metres, times 2^(mip bias).
     pub steps: [DVec2; 2],
 }
 

@@ -308,7 +308,7 @@ fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
     return sum;
 }
 
-// Returns the surface of one tap: four fetches, for the splat id and for the three textures of its material.
+// Returns the surface of one tap: four fetches (ten with hex tiling), for the splat id and for the three textures of its material.
 fn terrain_tap(cell: SplatCell, texel: u32, projection: Projection, scale: u32) -> Surface {
     return terrain_material(terrain_splat_id(cell, texel), projection, scale);
 }
@@ -325,7 +325,7 @@ fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale
 // `frame.taps` for 4 taps, `frame.taps - 1u` for 3 projections or hexagons, `frame.taps - 2u` for 2 tilings, `2u * frame.taps` for 8 layers. An
 // unrolled splat flavour has 36 texture samples, and a software Vulkan driver takes seconds to compile it, although it runs in milliseconds.
 
-// Blends four taps with bilinear weights that are modified by height: sixteen fetches. Each tap is added to the sum as soon as it is
+// Blends four taps with bilinear weights modified by height: sixteen fetches (forty with hex tiling). Each tap is added to the sum as soon as it is
 // fetched. An array of taps would be stored in memory and not in registers, because a loop that is not unrolled would index it.
 fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -398,8 +398,8 @@ fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surfac
     return sum;
 }
 
-// Blends four taps with plain bilinear weights: sixteen fetches. If one tap is chosen at random with these weights as probabilities, this blend is
-// the mean of the result.
+// Blends four taps with plain bilinear weights: sixteen fetches (forty with hex tiling). If one tap is chosen at random with these weights as
+// probabilities, this blend is the mean of the result.
 fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();

@@ -7,8 +7,8 @@ use glam::{BVec3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 use crate::scene::{CameraPath, CameraPose};
 use crate::shared::culling;
 
-/// Distance of the near plane, metres. Depth is reversed and the far plane lies at infinity, so a small value costs no precision at
-/// large distances.
+/// Distance of the near plane, metres. Depth is reversed and the far plane lies at infinity, so a small value costs little precision at large
+/// distances.
 pub const NEAR_M: f64 = 0.1;
 
 /// A camera in the world.
@@ -47,8 +47,9 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Between two keys, yaw turns the shorter way.
-/// Frames after the last key have its pose. If all keys are relative to the ground, the poses of all frames are relative to the ground, too.
+/// The pose of frame `frame` of a path: a Catmull-Rom spline through the keys. Whole turns are added to the yaw of keys, so that from each key to the
+/// next, the camera turns the shorter way. Frames after the last key have its pose. `ground_m` gives the elevation of the ground at a point. If all
+/// keys are relative to the ground, the pose of each frame is relative to the ground, too.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     let on_ground = path.keys.iter().all(|k| k.above_ground);
     let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
@@ -137,9 +138,11 @@ impl View {
     }
 
     /// Upper bound on the shift of a visible point on the screen, pixels, if the point moves by 1 m in any direction. The point lies in the box from
-    /// `low` to `high` (local coordinates). The bound holds to first order, for moves that are small compared with the distance. Let w be the depth
-    /// of the point along the view direction, and a the angle between its ray and the view direction. The shift is largest if the point moves
-    /// perpendicular to its ray, in the plane of ray and view direction. It is then 1 / (w cos a) pixels per pixel of focal length.
+    /// `low` to `high` (local coordinates). The bound holds to first order, for moves that are small compared with the distance.
+    ///
+    /// Let w be the depth of the point along the view direction, and a the angle between its ray and the view direction. The point shifts most on the
+    /// screen if it moves perpendicular to its ray, in the plane of ray and view direction. For a move of 1 m, it then shifts by f / (w cos a)
+    /// pixels, where f is the focal length in pixels.
     pub fn shift_px_per_m(&self, low: DVec3, high: DVec3) -> f64 {
         let [_, _, forward] = self.pose.axes();
         let [right, bottom] = self.size.map(|n| f64::from(n) - 0.5);
@@ -217,7 +220,7 @@ mod tests {
 
     #[test]
     fn ten_kilometres_from_the_origin_a_view_is_the_same() {
-        // Everything that shaders receive is relative to a sector, so a view that is moved by whole sectors has the same numbers.
+        // A view is relative to the sector of the camera, so a view that is moved by whole sectors has the same numbers, apart from the sector.
         let (near, far) = (pose(), Pose { position: pose().position + DVec3::new(156.0 * 64.0, -156.0 * 64.0, 0.0), ..pose() });
         let [near, far] = [near, far].map(|pose| View::new(pose, [320, 180], [0.3, -0.45], 64.0, 32_768.0));
         assert_eq!((near.camera, near.ray_00, near.ray_dx, near.ray_dy), (far.camera, far.ray_00, far.ray_dx, far.ray_dy));

@@ -1,21 +1,20 @@
-//! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
+//! Virtual texture: pages of the blended splat map, seen from above. They are rendered when they are needed, cached, and sampled with 4 fetches.
 //!
-//! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map. Writes the page table (R32Uint): 64 x
-//! 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell stores the physical layer + 1 (0 = no page) in 11
-//! bits and, as a tag, the part of the page's address that does not follow from the cell. Also writes the physical pages, which are layers of three
-//! array textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side,
-//! and a second mip level.
+//! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map and the detail textures. Writes the page table
+//! (R32Uint): 64 x 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell stores the physical layer + 1 (0 = no page)
+//! in 11 bits and, as a tag, bits of the page's address that do not follow from the cell. Also writes the physical pages, which are layers of three
+//! array textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a
+//! second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
 //!
-//! Limits: pages of one level whose columns and rows differ by multiples of 64 share a cell of the page table. The page with the larger tag
-//! is kept, so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests more
-//! than 256 pages, the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replaced pages. A
-//! pixel whose page is missing tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So
-//! `vt` may cost more than 4 fetches.
+//! Limits: pages of one level whose columns and rows differ by multiples of 64 share a cell of the page table. The page with the larger tag is kept,
+//! so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests more than 256 pages,
+//! the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replacements. A pixel whose page is missing
+//! tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So `vt` may cost more than 4 fetches.
 //!
-//! Each frame is complete: the pages that its pixels request are rendered before it is shaded. Not implemented: jittered feedback, which would
-//! replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's adaptive address space, which would
-//! replace the assignment of pages to cells.
+//! No page is left for a later frame: the pages that the pixels of a frame request are rendered before it is shaded, within the limits above. Not
+//! implemented: jittered feedback, which would replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's
+//! adaptive address space, which would replace the assignment of pages to cells.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -51,7 +50,7 @@ pub const LEVELS: u32 = 14;
 pub const TEXELS_PER_M: f64 = 256.0;
 /// Number of cells along the edge of a level's page table.
 pub const WINDOW: u32 = 64;
-/// Largest number of cached pages. Together, they take about 180 MB.
+/// Largest number of cached pages. This number of pages takes about 180 MB.
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
@@ -109,16 +108,15 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// Tag of the page: the part of its address that does not follow from its cell. It is shifted to its place in the cell, above the
-    /// physical layer.
+    /// Tag of the page: bits of its address that do not follow from its cell. It is shifted to its place in the cell, above the physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
-    /// Returns the page of a non-zero request. `camera` is the page of level 0 at the south-west corner of the camera's sector. Tags repeat every
-    /// 2^16 pages, so several pages match the request. The result is the match nearest to `camera`, because no picture requests fine pages 32 km
-    /// away.
+    /// Returns the page of a non-zero request. `index`: index of its cell in the page table. `camera` is the page of level 0 at the south-west corner
+    /// of the camera's sector. Tags repeat every 2^16 pages, so several pages may match the request. The result is the match nearest to `camera`,
+    /// because no picture should request fine pages 32 km away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = TAG_MASK;
@@ -162,7 +160,7 @@ pub struct PageCounts {
     pub wanted: usize,
     /// Number of pages that were rendered for this frame, because they were not cached or the nodes under them had changed.
     pub rendered: usize,
-    /// Number of pages that were replaced by a coarser page, because all requested pages together did not fit in the cache.
+    /// Number of times that a page was replaced by its parent, because all requested pages together did not fit in the cache.
     pub coarsened: usize,
     /// Number of pages that the picture requested, by level.
     pub wanted_by_level: [usize; LEVELS as usize],
@@ -377,7 +375,7 @@ impl Stage for VirtualTexture {
         if build.demands.has(Flavour::VirtualTexture) { Self::DECLARATION.modules.to_vec() } else { Vec::new() }
     }
 
-    /// Rebuilds the passes. The cache stays allocated, but its pages are rendered again.
+    /// Rebuilds the passes. The cache stays allocated, but it is emptied, so pages are rendered again when they are needed.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<VirtualTexture>> {
         let passes = Some(Passes::new(build)?);
         Ok(Box::new(move |stage| {

@@ -1,4 +1,4 @@
-// Renders one mip level of one page of the virtual texture from the splat map, seen from above, at one tiling scale.
+// Renders one mip level of one page of the virtual texture from the splat map, seen from above, at tiling scale 0.
 
 struct PageJob {
     sector: vec2<i32>,          // sector of the page's south-west corner

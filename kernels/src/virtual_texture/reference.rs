@@ -1,4 +1,4 @@
-//! The virtual texture in f64: the reference for its pages, its addresses and its filtering.
+//! The virtual texture in f64: the reference for its pages, its levels and its filtering.
 //!
 //! A page of level l stores the splat blend as seen from above. The texel centres of mip 0 are 2^l / 256 m apart; those of mip 1 are twice as far
 //! apart. Texels of neighbouring pages form one grid that begins at the south-west corner of the world, so the reference needs no pages: it evaluates

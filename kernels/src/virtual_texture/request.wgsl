@@ -1,4 +1,4 @@
-// Marks every page that a visible pixel of this frame would sample.
+// Marks the pages that the visible pixels of this frame would sample if all pages were cached.
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;

@@ -3,7 +3,8 @@
 //!
 //! A cone is an axis a and a half angle: angle(n, a) <= half angle for every triangle normal n of the patch. It is stored in one texel of a
 //! BC3 image (SYSTEMS A, the part of the talk on terrain data). Red and green store x and y of the axis (a coordinate v as 0.5 v + 0.5), alpha
-//! stores sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled.
+//! stores sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means that the cone never culls the patch; this is the value
+//! for half angles near 90 degrees and above.
 //! Block compression can turn the axis by several degrees. The half angle is therefore measured from the *decoded* axis. The alpha block is written
 //! so that no decoded sine is smaller than its cone needs (ruling 5 in `ARCHITECTURE.md`).
 
@@ -17,7 +18,7 @@ pub const PATCHES: usize = 8;
 pub struct Cone {
     /// Unit axis, z >= 0.
     pub axis: [f64; 3],
-    /// Sine of the half angle, 0..=1; 1 means that the patch is never culled.
+    /// Sine of the half angle, 0..=1; 1 means that the cone never culls the patch.
     pub sin_half_angle: f64,
 }
 
@@ -80,7 +81,7 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
 }
 
 /// Returns the smallest 8-bit alpha with which the cone around the decoded axis contains all normals, plus a margin for decoders that round
-/// differently.
+/// differently; at most 255.
 ///
 /// Decoders may differ by 1/255 in an interpolated colour. So the cone must also contain all normals if red, green or both change by 1/255. They may
 /// also differ by 1/255 in an interpolated alpha, so 1/255 is added to alpha.

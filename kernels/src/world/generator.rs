@@ -1,17 +1,18 @@
 //! A procedural alpine world: elevation as a function of position and seed only.
 //!
-//! The elevation is built from these layers, in this order:
+//! The elevation is built from these layers:
 //!
 //! 1. Domain warp.
 //! 2. A network of broad valleys along the zero lines of noise, on an uplift that varies over about 9 km.
 //! 3. Massifs: ridged multifractal noise (Musgrave 1994). Its octaves are weaker where the ground is already steep, as in Quilez's "derivative" fBm.
+//!    Then summits are raised.
 //! 4. Gullies that run down the local slope.
 //! 5. Buttresses.
 //! 6. Strata of three thicknesses. Their hard beds form rock faces, from a few metres to more than 100 m tall; their soft beds form ledges.
 //! 7. Fine relief, down to a wavelength of about a metre.
 //!
-//! Except integer hashes, all computations are sums, products, quotients, square roots, floors and comparisons. IEEE 754 defines their results
-//! exactly, so that all machines agree on every bit.
+//! Apart from integer hashes, the computations are sums, products, quotients, square roots, floors, comparisons and conversions. IEEE 754 defines
+//! their results exactly, so machines that follow it agree on every bit.
 
 use crate::shared::hash::pcg;
 
@@ -155,7 +156,7 @@ impl Octave {
     }
 }
 
-/// Returns cos and sin of 2 pi t, computed by polynomials: with an error of about 1e-3, and with the same bits on all machines.
+/// Returns cos and sin of 2 pi t, with an error of about 1e-3. They are computed by polynomials, so that machines agree on every bit.
 fn wave(t: f64) -> (f64, f64) {
     let sine = |t: f64| {
         let t = t - ((t + ROUNDER) - ROUNDER);
@@ -230,14 +231,14 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
 
 /// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// The remapping is monotonic, so a ridge stays a ridge, and a wall roughly follows a contour line of the ground before the remapping. No crest
-/// becomes thinner than it was before. This is necessary, because a coarse grid of vertices would draw a thin crest as a row of needles.
+/// For ground of one slope, the remapping is monotonic. So ridges stay ridges, and a wall roughly follows a contour line of the ground before the
+/// remapping. Crests should not become thinner, because a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
     seed: u32,
     /// Height from one hard bed to the next, metres.
     period_m: f64,
-    /// Slope (tangent) that a wall has on average. Ground that is already this steep stays as it is.
+    /// Slope (tangent) that a wall has on average, if the ground is steep enough for walls. Ground that is already this steep stays as it is.
     wall: f64,
     /// Share of a period's height that its wall takes: first for the softest bed, then for the hardest bed.
     rise: [f64; 2],
@@ -434,7 +435,8 @@ fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -
     })
 }
 
-/// Returns the change in elevation by gullies of the given depth (metres) that run down the slope of `ground`.
+/// Returns the change in elevation by gullies that run down the slope of `ground`. `depth_m`: their depth on steep ground. Gentle ground has no
+/// gullies.
 fn cut(gullies: &Gullies, x: f64, y: f64, ground: Dual, depth_m: f64) -> Dual {
     let slope = ground.slope_squared().sqrt();
     let strength = smoothstep(0.1, 0.8, slope) * depth_m;
@@ -457,8 +459,8 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Makes relief for data with this spacing. The longest wavelength is the spacing, but at least 2 m. Further octaves are finer and finer, down to
-    /// about 1 m. There are at most 8 octaves.
+    /// Makes relief for data with this spacing. The longest wavelength is the spacing, but at least 2 m. Further octaves are finer and finer, until
+    /// the next wavelength would be 1 m or less, or there are 8 octaves.
     pub fn new(seed: u32, data_spacing_m: f64) -> Relief {
         let mut octaves = Vec::new();
         let mut wavelength = data_spacing_m.max(2.0);

@@ -1,12 +1,11 @@
 //! The `world` stage: makes node payloads from a scene, on demand and on worker threads.
 //!
-//! Reads the scene (generator or heightmap, splat rules, holes) and the mean values of the palette's materials; makes [`NodePayload`]s. The
-//! world is a function of position and is never stored as one array, because 34 125 nodes can exist but only about 500 are needed at a time
-//! (SYSTEMS A, the part of the talk on terrain data, and ruling 12 in `ARCHITECTURE.md`).
+//! Reads the scene (generator or heightmap, splat rules, strokes, holes, colour modulation) and the mean values of the palette's materials. Makes
+//! [`NodePayload`]s for the nodes that are needed: 34 125 nodes can exist, but only about 500 are needed at a time (ruling 12 in `ARCHITECTURE.md`).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 //!
-//! The ground of a heightmap ends exactly where its data end, even between two vertices: [`World::drawn_at`] moves vertices beyond the data to the
-//! edge of the data.
+//! The ground of a heightmap ends where its data end, even between two vertices: [`World::drawn_at`] moves vertices beyond the data to the edge of
+//! the data.
 //!
 //! Limits: a world has holes only where its scene lists them. The quadtree covers whole sectors, so nodes at the edge of a heightmap have vertices
 //! and texels beyond the data, which repeat the edge of the data.
@@ -36,7 +35,7 @@ use rules::Rules;
 pub const SECTORS: u16 = 160;
 /// Number of LODs of the quadtree: 0 (the finest, one node per sector) to 5.
 pub const LODS: u8 = 6;
-/// Edge of a sector, metres. In an imported world that is wider than 10 240 m, the edge is this value times a power of two, see [`Layout::sector_m`].
+/// Edge of a sector, metres. In an imported world that is wider or deeper than 10 240 m, the edge is larger, see [`Layout::sector_m`].
 pub const SECTOR_M: f64 = 64.0;
 /// Quads along a node's edge, at every LOD.
 pub const NODE_QUADS: u16 = 128;
@@ -90,13 +89,13 @@ impl NodeId {
 pub struct Layout {
     /// Edge of a node of LOD 0, metres: 64 m times the smallest power of two such that 160 sectors per side cover the world.
     pub sector_m: f64,
-    /// Finest LOD that exists. It follows from the spacing of the data.
+    /// Finest LOD that exists. It follows from the spacing of the data; it is 0 if the world has detail at every scale.
     pub finest_lod: u8,
 }
 
 impl Layout {
-    /// Returns the layout of a world that is `extent_m` wide. `data_spacing_m`: distance between the samples of the data; `None` = the world has
-    /// detail at every scale.
+    /// Returns the layout of a world whose longer side is `extent_m`. `data_spacing_m`: distance between the samples of the data; `None` = the world
+    /// has detail at every scale.
     pub fn of(extent_m: f64, data_spacing_m: Option<f64>) -> Layout {
         let mut sector_m = SECTOR_M;
         while sector_m * f64::from(SECTORS) < extent_m {
@@ -221,7 +220,7 @@ impl World {
         }
     }
 
-    /// Makes the world of a heightmap that is in memory. `import` calls this function to measure slopes, before the new scene has rules and a file.
+    /// Makes the world of a heightmap that is in memory. `import` calls this function to measure slopes, before the new scene has rules.
     pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,
@@ -277,7 +276,7 @@ impl World {
     }
 
     /// Where a vertex at this position (metres) is drawn. If the world [has an edge](World::has_edge), a vertex beyond the data is drawn at the
-    /// nearest point of the data, with the elevation there. So the last triangles end exactly at the edge of the data, and triangles beyond it have
+    /// nearest point of the data, with the elevation at that point. So the last triangles end at the edge of the data, and triangles beyond it have
     /// no area. The rule depends on the position alone: nodes that share a vertex draw it at the same place, whatever their LODs.
     pub fn drawn_at(&self, at: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| self.clipped(axis, at[axis]))
@@ -328,7 +327,7 @@ impl World {
     }
 
     /// Elevation of vertex (i, j), 0..=128, of a node, metres, as the payload stores it: quantised. In a node coarser than the finest LOD, it is also
-    /// filtered, except on the edges of the node and at the edge of the data.
+    /// filtered. Vertices on the edges of the node are not filtered, nor are vertices with a neighbour beyond the data.
     pub fn vertex_elevation_m(&self, node: NodeId, vertex: [u32; 2]) -> f64 {
         self.elevation_m(self.quantise(payload::vertex_height_m(self, node, vertex)))
     }
@@ -354,8 +353,8 @@ impl World {
         8.0 / 16_777_216.0 * (low.abs() + (high - low))
     }
 
-    /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, and triangles with alternating diagonals (ruling 11 in
-    /// `ARCHITECTURE.md`). Outside the data, the result is the height at the nearest point on the edge of the data.
+    /// Height of the surface as drawn at the finest LOD and vertex stride 1, metres: quantised vertices, and triangles with alternating diagonals
+    /// (ruling 11 in `ARCHITECTURE.md`). Holes are ignored. Outside the data, the result is the height at the nearest point on the edge of the data.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
@@ -408,8 +407,8 @@ impl World {
         self.is_hole(x, y)
     }
 
-    /// Whether it is certain that [`World::opens_at`] is false for every vertex of a rectangle. `low` and `high`: south-west and north-east corner of
-    /// the rectangle.
+    /// Whether it is certain that [`World::opens_at`] is false at all positions in a rectangle. `low` and `high`: south-west and north-east corner of
+    /// the rectangle. The result may be false for a rectangle without a hole.
     fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
         let [low, high] = [low, high].map(|corner| self.drawn_at(corner));
         let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
@@ -422,7 +421,7 @@ impl World {
         &self.rules
     }
 
-    /// Width over which rules measure slope and curvature, metres: a power of two, at least 4 and at least the spacing of the data.
+    /// Width over which rules measure slope and curvature, metres: the smallest power of two that is at least 4 and at least the spacing of the data.
     pub fn footprint_m(&self) -> f64 {
         self.footprint_m
     }
@@ -518,9 +517,9 @@ impl World {
         nodes.par_iter().map(bake).collect()
     }
 
-    /// The steepest slope, degrees. For a heightmap without added relief, it is the exact maximum over all triangles of neighbouring samples.
-    /// Otherwise, slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of
-    /// these slopes and, if there is a heightmap, of the slopes of the heightmap. It is computed once and then cached.
+    /// The steepest slope, degrees. For a heightmap without added relief, it is the maximum over the triangles of neighbouring samples. Otherwise,
+    /// slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of these slopes
+    /// and, if there is a heightmap, of the slopes of the heightmap. It is computed once and then cached.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {
@@ -581,10 +580,10 @@ fn on_vertex(length_m: f64, vertices_m: f64) -> f64 {
 /// Number of points along an edge of the grid that is scanned for the steepest slope.
 const SCAN_SIDE: u32 = 192;
 
-/// Lower limit of the width over which rules measure slope, metres, so that boulders do not count as cliffs.
+/// Lower limit of the width over which rules measure slope and curvature, metres, so that boulders do not count as cliffs.
 const MIN_FOOTPRINT_M: f64 = 4.0;
 
-/// Runs `work`, including its parallel parts, on this many threads instead of one per core; 0 = one per core.
+/// Runs `work`, including its parallel parts, on this many threads; 0 = the default of rayon, usually one per core.
 ///
 /// # Errors
 /// [`Error::Request`] if the system refuses that many threads.

@@ -1,7 +1,7 @@
 //! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A, the part of the talk on terrain data).
 //!
 //! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In
-//! nodes coarser than the finest LOD, the grid is filtered: without the filter, relief that is finer than the spacing of the samples would be
+//! nodes coarser than the finest LOD, the grid is filtered: without the filter, relief that is finer than the spacing of the samples could be
 //! drawn as rows of spikes. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to vertices of the coarser
 //! node. Both nodes must therefore have equal heights on the common edge, so heights on edges are never filtered.
 //!
@@ -10,7 +10,7 @@
 //! are drawn.
 //!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
-//! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.
+//! the rules is not filtered. So a coarse node has the same material as a fine one where both have a splat texel.
 
 use std::sync::LazyLock;
 
@@ -61,13 +61,13 @@ pub struct NodePayload {
     pub max_height: u16,
     /// R16_UNORM 129 x 129: elevation, relative to [`World::height_range_m`].
     pub height: Vec<u16>,
-    /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, whose z is above 0 (a coordinate v is stored as 0.5 v + 0.5);
-    /// red = smoothness, blue = specular occlusion.
+    /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, each coordinate v as 0.5 v + 0.5. The z of the normal is above 0 and
+    /// follows from them. Red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
     /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 if vertex (i - 2, j - 2) is drawn where there is no ground ([`World::is_hole`]). The border
     /// has 2 texels, so this vertex is the south-west corner of the texel.
     pub albedo: Vec<u8>,
-    /// BC1 132 x 132, linear; a value c multiplies the colour by 2 c, so 0.5 changes nothing.
+    /// BC1 132 x 132, linear. A value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
     /// R8 65 x 65: palette index.
     pub splat: Vec<u8>,
@@ -229,10 +229,10 @@ impl Grid {
     }
 }
 
-/// Returns the filtered height of vertex (i, j) of a working grid: the mean of the vertex and its neighbours, with the weights 1 2 1 along each axis.
-/// This mean removes relief that alternates from vertex to vertex. Heights on the lines through the node's edges are not filtered, and heights one
-/// vertex away from these lines are moved only half of the way to the mean. This rule is symmetric on both sides of an edge, so neighbouring nodes
-/// compute the same heights in their borders.
+/// Returns the filtered height of vertex (i, j) of a working grid. Two vertices or more from the lines through the node's edges, it is the mean of
+/// the vertex and its neighbours, with the weights 1 2 1 along each axis. This mean removes relief that alternates from vertex to vertex. Heights one
+/// vertex away from these lines are moved only half of the way to the mean, and heights on the lines are not changed. This rule is symmetric on both
+/// sides of an edge, so neighbouring nodes of one LOD compute the same heights in their borders.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
     // Share of the way to the mean: 0 on a line through an edge of the node, 1/2 one vertex away from it, and 1 farther away.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
@@ -388,8 +388,9 @@ fn unorm8(v: f64) -> u8 {
     (v * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
-/// Returns, for each column (or row) of texels, the column from which its normals are computed, and the width of this column, metres. A column beyond
-/// the edge of a heightmap has no width. It repeats the nearest column that has a width, because texture filtering at the edge reads it.
+/// Returns, for each column (or row) of texels, the column from which its normals are computed, and the width of this column, metres. `steps`: the
+/// widths of all columns ([`Grid::steps`]). A column beyond the edge of a heightmap has no width. It repeats the nearest column that has a width,
+/// because texture filtering at the edge reads it.
 fn columns_with_ground(steps: &[f64]) -> Vec<(usize, f64)> {
     let has_width = |k: &usize| steps[*k] > 0.0;
     let first = (0..steps.len()).find(has_width).unwrap_or(0);

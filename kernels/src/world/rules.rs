@@ -1,7 +1,8 @@
 //! Splat rules decide which material lies where, by height, slope, curvature and noise. Brush strokes change their result.
 //!
 //! The weight of a rule is the product of its constant factor, its masks (see [`crate::scene::Rule`]) and the masks that were painted for its
-//! material. The material of the rule with the largest weight is used, except where a material itself was painted (see [`crate::scene::Stroke`]).
+//! material. The material of the rule with the largest weight is used. Where a material itself was painted (see [`crate::scene::Stroke`]), the
+//! painted material is used instead.
 
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
@@ -20,7 +21,7 @@ pub struct Rules {
 struct Painted {
     material: u8,
     stroke: Stroke,
-    /// Bounding box: south-west and north-east corner, world metres.
+    /// Bounding box of the line with its width: south-west and north-east corner, world metres.
     bounds: [[f64; 2]; 2],
 }
 
@@ -188,7 +189,7 @@ pub fn value_noise(x: f64, y: f64, seed: u32) -> f64 {
 fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     let (cell_x, cell_y) = (x.floor(), y.floor());
     let (fx, fy) = (x - cell_x, y - cell_y);
-    // Lattice indices wrap at 2^32; no world is that large.
+    // Lattice indices wrap at 2^32. Worlds with usual wavelengths are far smaller.
     let (ix, iy) = (cell_x as i64 as u32, cell_y as i64 as u32);
     let row = |j: u32| {
         let corner = |i: u32| f64::from(hash::pcg4d([ix.wrapping_add(i), iy.wrapping_add(j), seed, 0x0a7e])[0]) / f64::from(u32::MAX);

@@ -50,15 +50,18 @@ pub struct Extent {
 /// `scene.toml`, unless both of these conditions hold: the scene differs from the built-in one only in settings, and the viewpoint is a camera or
 /// path of the scene. Returns the path of the definition.
 ///
-/// Paths in the scene file become absolute. A run renders frames from 0 on. If the picture on screen has the frame number n, it is equal to frame n
-/// of the run.
+/// Paths in the scene file become absolute. A run renders frames from 0 on. Frame n of the run has the seed and the camera pose that frame n has in
+/// the window.
 ///
 /// # Errors
 /// One line with the remedy: the name is not suitable, the folder exists or cannot be written, a definition cannot describe the view (a recorded
 /// path), or `experiments` would refuse the definition.
 pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoint, extent: Extent) -> Result<PathBuf> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` is not a name for an experiment: use letters a to z, digits, - and _");
+    ensure!(
+        !name.is_empty() && name.chars().all(plain),
+        "`{name}` is not a name for an experiment: use letters A to Z and a to z, digits, - and _"
+    );
     ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is reserved for the scene file next to the experiment: choose another name");
     ensure!(!folder.exists(), "{} already exists and is not overwritten: choose another name, or remove that folder", folder.display());
     let (view, camera) = view(&settings.scene, viewpoint)?;
@@ -109,7 +112,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     };
     let file = format!("{name}.toml");
     let text = format!("# Saved from the workbench. To run it: experiments run {file} --out out\n{}", definition.to_toml()?);
-    // Check the text with the parser that a run uses, so that every saved definition can be run.
+    // Check the text with the parser that a run uses, so that a definition that a run would refuse is not saved.
     definition::parse(&text, &file, staging.folder())?;
     write_in(&staging, &file, &text)?;
     staging.finish().with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
@@ -169,7 +172,7 @@ fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPo
     }
 }
 
-/// The settings in which a scene differs from the built-in one, by their keys; `None` if it also differs in other ways.
+/// The settings in which a scene differs from the built-in one, by their keys; `None` if there are other differences, too.
 fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
     let mut built_in = scene::load(scene::DEFAULT).ok()?;
     // The built-in scene names no files, so its folder has no effect.
@@ -190,8 +193,8 @@ fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
     fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
 }
 
-/// The definitions in the folder `place`, sorted by path: the `.toml` files of the folder except `scene.toml`, and those that [`save`] wrote in
-/// subfolders. If `place` is a file, returns that file. If `place` does not exist, returns nothing.
+/// The definitions in the folder `place`, sorted by path: the `.toml` files of the folder apart from `scene.toml`, and the files `NAME/NAME.toml`, as
+/// [`save`] writes them. If `place` is a file, returns that file. If `place` does not exist, returns nothing.
 pub fn definitions(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
@@ -421,7 +424,7 @@ impl Shared {
 
 /// Sends the signal of Ctrl-C. Returns whether that was possible.
 fn interrupt(child: &Child) -> bool {
-    // `kill` is built into every shell, but a separate program `kill` may be missing. So run it in a shell.
+    // `kill` is built into the usual shells, but a separate program `kill` may be missing. So run it in a shell.
     let kill = || Command::new("sh").arg("-c").arg(format!("kill -INT {}", child.id())).stdin(Stdio::null()).output();
     cfg!(unix) && kill().is_ok_and(|output| output.status.success())
 }

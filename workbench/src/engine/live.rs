@@ -77,8 +77,8 @@ impl Live {
         };
         let mut found = match renderer.drawn_as(request) {
             Ok(frame) => frame.link(links)?,
-            // The last picture was B, and its geometry differs from that of A. The links between pixels of two frames need the geometry of A, so draw
-            // A again with the cheapest shading.
+            // The geometry of the last picture is not that of A, for example because B was drawn with another LOD bias. The links between pixels of
+            // two frames need the geometry of A, so draw A again with the cheapest shading.
             Err(_) => {
                 let again = request.with(|r| {
                     r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));

@@ -1,4 +1,4 @@
-//! The drawing thread: the window never waits for a picture, and drawing never waits for the window.
+//! The drawing thread. It draws the pictures, so that the window does not wait for them.
 //!
 //! The window and the thread exchange messages through two mailboxes. The first mailbox stores one request ([`Wish`]); a newer request replaces an
 //! older one. The second mailbox stores what the thread reports ([`News`]), including the last picture. The thread and the window use separate
@@ -112,7 +112,7 @@ impl Boxes {
         wake(within);
     }
 
-    /// Number of compiled shaders, and number of all shaders; zeros if shaders are not being compiled in advance.
+    /// Returns the value for [`News::warm`].
     fn warmth(&self, warmed: &Warmed) -> [usize; 2] {
         if self.is_warming() { warmed.count() } else { [0; 2] }
     }
@@ -206,7 +206,8 @@ impl Engine {
         lock(&self.boxes.mail).lose = count;
     }
 
-    /// From now on, compiles the shaders that a click may need: while there is no picture to draw, and one shader after each picture.
+    /// From now on, compiles shaders in advance: those of all variants, and the generic one, for the estimator, noise and tilings of the last
+    /// picture. They are compiled while there is no picture to draw. If requests arrive without a pause, one shader is compiled after each picture.
     pub fn warm(&self) {
         lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();
@@ -389,8 +390,8 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         if wish.opened != opened {
             return End::Scene(wish);
         }
-        // The textures of the loaded scene are still being made. The requested scene needs different textures, but most textures of the loaded scene
-        // can be reused for it. Keep the request until the textures of the loaded scene are finished.
+        // The textures of the loaded scene are still being made. The requested scene needs different textures, but it can usually reuse most textures
+        // of the loaded scene. Keep the request until the textures of the loaded scene are finished.
         if sketch.is_some() && renderer.needs_textures(&wish.settings.scene) {
             last = Some(wish);
             next = boxes.next(false, patience);
@@ -613,8 +614,8 @@ fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Po
     }
 }
 
-/// Which shaders have been compiled for the current estimator, noise and tilings, and for counting fetches or not counting them. A software adapter
-/// compiles a shader when the shader is used for the first time, so a small picture is drawn with each shader.
+/// Which shaders have been compiled for the current estimator, noise and tilings, with or without the recording of diagnostics (fetches and choices).
+/// A software adapter compiles a shader when the shader is used for the first time, so a small picture is drawn with each shader.
 #[derive(Default)]
 struct Warmed {
     like: Option<RenderRequest>,

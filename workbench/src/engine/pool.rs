@@ -1,5 +1,5 @@
 //! A pool of drawing threads for windows without a screen, as in tests. Starting a thread for each window would be slow: a software adapter compiles
-//! shaders for a minute per scene.
+//! shaders for about a minute per scene.
 //!
 //! When its window closes, a thread forgets what it drew and measured, but keeps its device and the loaded scene, with shaders, terrain nodes and
 //! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Some counts of a frame depend on it,

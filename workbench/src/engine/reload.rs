@@ -44,8 +44,8 @@ impl Watcher {
     /// or the last check is less than [`INTERVAL`] ago.
     ///
     /// A changed file is reported again at the next check, for this reason: at the first report, an editor may still be writing the file. If the
-    /// editor finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads each
-    /// reported file therefore always gets the last version of the file.
+    /// editor finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads the file at
+    /// both reports gets the last version, if the editor has finished by the second one.
     pub fn changed(&mut self) -> Option<Vec<String>> {
         if self.looked.is_some_and(|at| at.elapsed() < INTERVAL) {
             return None;

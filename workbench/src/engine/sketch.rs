@@ -15,7 +15,7 @@ use kernels::quadtree::LOD_BIASES;
 use kernels::scene::Scene;
 use kernels::variant::{Flavour, Variant};
 
-/// Width and height of the textures of a first look, texels. Making these textures takes less time than compiling the first shader.
+/// Width and height of the textures of a first look, texels. Making these textures usually takes less time than compiling the first shader.
 pub const TEXELS: u32 = 64;
 
 /// Time between two checks whether the textures of the scene are ready.
@@ -43,7 +43,7 @@ impl Sketch {
     }
 
     /// Begins to make the textures, unless this function was called before. Making them uses all cores, so call this function after the first
-    /// picture. A separate thread pool is used, because drawing uses the global thread pool at the same time.
+    /// picture. A separate thread pool is used, if one can be made, because drawing uses the global thread pool at the same time.
     pub fn begin(&mut self, tell: &Tell) {
         let (scene, sector_m, tell, abandoned) = (self.scene.clone(), self.sector_m, tell.clone(), self.abandoned.clone());
         self.finished.get_or_insert_with(|| {

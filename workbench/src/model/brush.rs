@@ -1,8 +1,8 @@
 //! The brush. It converts the path of the pointer over the picture into strokes on the ground.
 //!
-//! Places on the ground are computed from the depth of the picture on screen, by the function that the inspector also uses ([`place_at`]). Every
-//! pixel between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. A stroke ends where the pointer
-//! reaches sky or crosses a depth edge, such as the silhouette of a ridge. At a depth edge, one surface lies behind another.
+//! Places on the ground are computed from the depth of the picture on screen, by the function that the inspector also uses ([`place_at`]). The pixels
+//! between two positions of the pointer are examined, so that a stroke follows the ground under the pointer. A stroke ends where the pointer reaches
+//! sky or crosses a depth edge, such as the silhouette of a ridge. At a depth edge, one surface lies behind another.
 
 use std::f64::consts::TAU;
 
@@ -17,8 +17,8 @@ use kernels::oracle::{pixel_at, place_at};
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
 /// Limit of [`Brush::amount`], the factor by which a mask multiplies the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Maximum number of points of a stroke. It limits the time of baking, which computes the distance of every splat texel near the stroke from each
-/// segment of the stroke.
+/// Maximum number of points of a stroke. It limits the time of baking, in which splat texels near a stroke are compared with the segments of the
+/// stroke.
 pub const MOST_POINTS: usize = 4096;
 /// Maximum number of strokes of a scene. If it is reached, the brush adds no stroke.
 pub const MOST_STROKES: usize = 1000;
@@ -80,8 +80,8 @@ impl<'a> Ground<'a> {
         (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
     }
 
-    /// Returns the places on the ground along a line in the picture, one per pixel. The start of the line is not included. An entry is `None` if the
-    /// pixel shows sky. A further `None` is inserted at each depth edge.
+    /// Returns the places on the ground along a line in the picture, one per pixel. The start of the line is not included. An entry is `None` if it
+    /// lies in the sky or outside of the picture. A further `None` is inserted at each depth edge.
     pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
         let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
         let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
@@ -114,8 +114,8 @@ impl<'a> Ground<'a> {
         (clip.w > NEAR_M).then(|| [(0.5 + clip.x / clip.w * 0.5) as f32, (0.5 - clip.y / clip.w * 0.5) as f32])
     }
 
-    /// Returns the points of a closed ring on the ground, as positions in the picture. Seen from above, the ring is a circle. It lies in the plane
-    /// that best fits the visible ground around its centre. `None` = the point cannot be projected into the picture, see [`Ground::seen`].
+    /// Returns the points of a closed ring on the ground, as positions in the picture. Seen from above, the ring is a circle. It lies in a plane that
+    /// approximates the visible ground around its centre. `None` = the point cannot be projected into the picture, see [`Ground::seen`].
     pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
         let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
         let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));

@@ -1,4 +1,4 @@
-//! The comparison of two ways to shade a view. A has the settings that the panels edit. A is compared with B.
+//! The comparison of two ways to shade a view, A and B. A has the settings that the panels edit, and B has other settings.
 
 use kernels::frame::FrameSettings;
 use kernels::shading::Estimator;
@@ -55,7 +55,7 @@ pub enum Other {
     /// The exact blend for the settings of A: the mean of the estimator `fc5` over all its random choices. It has no noise.
     #[default]
     Exact,
-    /// The reference blend: the flavour splat with two tilings on every pixel, blended exactly, with 96 fetches per pixel.
+    /// The reference blend: the flavour splat with two tilings on every pixel. Without colour modulation, it takes 96 fetches per pixel.
     Full,
     /// Settings that were stored with `Keep A as B`.
     Kept(Box<Settings>),
@@ -100,7 +100,7 @@ impl Compare {
         }
     }
 
-    /// Stores the settings of A as B.
+    /// Stores the settings of A as B. If B was not drawn, the mode changes to [`Mode::Wipe`].
     pub fn keep(&mut self, a: &Settings) {
         self.other = Other::Kept(Box::new(a.clone()));
         if self.mode == Mode::Off {
@@ -117,8 +117,8 @@ impl Compare {
     }
 }
 
-/// Describes in words how `own` differs from `other`. Leaves out differences in display, and in those parts of the scene that no panel changes. If
-/// there is nothing to describe, returns only the choice of variant.
+/// Describes in words how `own` differs from `other`. Differences that no panel of the workbench can make, and differences in display, are left out.
+/// If there is nothing to describe, returns the choice of variant.
 pub fn label(own: &Settings, other: &Settings) -> String {
     let mut parts = Vec::new();
     if own.choice() != other.choice() {

@@ -110,7 +110,7 @@ static DEPTH: [Scale; 1] = [Scale {
     logarithmic: true,
     ticks: &[(1.0, "1 m"), (10.0, "10 m"), (100.0, "100 m"), (1000.0, "1 km"), (10_000.0, "10 km")],
 }];
-/// Texture fetches, up to the 96 fetches of full splat with two tilings.
+/// Texture fetches, up to 96, which `fc5` takes for full splat with two tilings. Larger numbers have the last colour.
 static FETCHES: [Scale; 1] = [Scale {
     name: "texture fetches per pixel",
     colours: Colours::Magma,
@@ -159,10 +159,10 @@ static BIAS: [Scale; 1] = [Scale {
 }];
 
 /// Colours of random choices. There are more choices than colours, so the colours repeat. Choices have no order, so neighbouring colours have very
-/// different hues.
+/// different hues. LODs and vertex strides have the first of these colours.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
-/// The names of the vertex strides, from 1.
+/// Names of the vertex strides 1, 2, 4, 8 and 16, to follow the word `every`.
 const ORDINALS: [&str; 5] = ["vertex", "2nd vertex", "4th vertex", "8th vertex", "16th vertex"];
 /// The largest value of the layer `choice`. The values from 1 on are the combinations of four splat texels and three projection axes.
 const MOST_CHOICES: usize = 12;
@@ -430,7 +430,7 @@ impl Layer {
                 masks.par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
             }
             (Layer::Lod | Layer::Stride, Some(Values::Value(values))) => {
-                // The numbers of a swatch are 0, 1, ... for LODs and log2 for strides.
+                // The index of a swatch is the LOD itself, or log2 of the stride.
                 let swatch = |value: f32| match self {
                     Layer::Lod => (value >= 0.0).then_some(value as usize),
                     _ => (value >= 1.0).then(|| value.log2() as usize),
@@ -600,7 +600,7 @@ mod tests {
             let mixed = ends.map(|swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k])));
             assert_eq!(layer.colours(&picture, &Followed::default()), [mixed[0], mixed[1], seen]);
         }
-        // Layers without bars and swatches have a text as legend. So does a layer that the picture does not have.
+        // Layers without bars and swatches have a text as legend. So does a layer with swatches that the picture does not have.
         for layer in [Layer::Lit, Layer::Albedo, Layer::Mask] {
             assert_eq!(layer.legend_for(&picture), Legend::Words, "{}", layer.name());
         }

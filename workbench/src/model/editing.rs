@@ -104,8 +104,8 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Finds the material in the scene file (`original`) from which a material of the scene comes; `None` = the material was added in the workbench, or
-/// was renamed and the conditions below do not hold.
+/// Finds the material in the scene file (`original`) from which a material of the scene comes. `None` = there is none, or the conditions below do not
+/// hold for a renamed material.
 ///
 /// If a material in the file has the same name, the function returns that material. Otherwise, the material may have been renamed. The function then
 /// returns the material in the file with the same index, under two conditions. First, no material of the scene has the name of the returned material.
@@ -176,11 +176,12 @@ fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
 }
 
 /// Writes a scene to a file, completely or not at all, after checking that [`scene::load`] reads it back unchanged. `own` are the files of this
-/// scene. If `overwrites` is set, one of them may be overwritten. No other file is ever overwritten. Returns the absolute path of the file.
+/// scene. If `overwrites` is set, `file` may be one of these files, which is then overwritten. If `file` is any other existing file, it is not
+/// overwritten. Returns the absolute path of the file.
 ///
 /// # Errors
-/// One line with the remedy: the scene is invalid, the file name is not suitable, the file exists already, or the file cannot be written or read
-/// back.
+/// One line with the remedy: the scene is invalid, the file name is not suitable, the folder does not exist, the file exists already, or it cannot be
+/// written or read back.
 pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Result<PathBuf, String> {
     let shown = file.display();
     if file.extension().is_none_or(|extension| extension != "toml") {

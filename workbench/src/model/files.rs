@@ -7,8 +7,8 @@ use std::path::Path;
 use kernels::base::error::Error;
 use kernels::base::files::write_whole;
 
-/// Writes a file under a temporary name, flushes it to the disk, and renames it. At any time, the path has either the whole new content or its old
-/// content.
+/// Writes a file under a temporary name, flushes it to the disk, and renames it. If writing fails, a file that was at the path before stays there,
+/// unchanged.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let done = write_whole(path, |temporary| {
         let written = || -> std::io::Result<()> {

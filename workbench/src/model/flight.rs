@@ -26,7 +26,8 @@ pub enum Orbit {
     /// No place: the camera flies or walks.
     #[default]
     Off,
-    /// The inspected pixel, or else the ground in the middle of the picture. Its position is not known until a picture has been drawn.
+    /// The place at the inspected pixel or, if there is none, in the middle of the picture. The position of the place is not known until a picture
+    /// has been drawn.
     Sought,
     /// The given place in world metres. It stays in the middle of the picture.
     About(DVec3),
@@ -56,7 +57,7 @@ impl Flight {
     }
 
     /// Turns the view by a drag. The point under the pointer approximately follows the pointer. `drag` and `height` are in points; `height` is the
-    /// height of the whole picture on the screen, magnification included. Returns whether the pose changed.
+    /// height of the whole picture on the screen, magnification included. Returns false if the drag has no length or the picture has no height.
     pub fn turn(&self, pose: &mut Pose, drag: Vec2, height: f32) -> bool {
         if drag == Vec2::ZERO || height <= 0.0 {
             return false;
@@ -68,8 +69,8 @@ impl Flight {
         true
     }
 
-    /// Moves the camera for a number of seconds according to the keys that are held. Returns whether the pose changed. When walking or orbiting, W
-    /// and S move horizontally. The orbited place moves along with the camera.
+    /// Moves the camera for a number of seconds according to the keys that are held. When walking or orbiting, W and S move it horizontally. The
+    /// orbited place moves along with the camera. Returns whether the keys call for a movement.
     pub fn advance(&mut self, pose: &mut Pose, input: &InputState, seconds: f64) -> bool {
         let held = |key: Key| f64::from(u8::from(input.key_down(key)));
         let wanted = [held(Key::D) - held(Key::A), held(Key::E) - held(Key::Q), held(Key::W) - held(Key::S)];
@@ -128,8 +129,8 @@ pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])
 }
 
-/// Moves the camera around `target` by a drag. `drag` and `height` are as for [`Flight::turn`]; a drag over the whole height is half a turn. Points
-/// nearer than the target move in the direction of the drag. Returns whether the pose changed.
+/// Moves the camera around `target` by a drag. `drag`, `height` and the result are as for [`Flight::turn`]; a drag over the whole height is half a
+/// turn. Points nearer than the target move in the direction of the drag.
 pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     if drag == Vec2::ZERO || height <= 0.0 {
         return false;
@@ -140,8 +141,7 @@ pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     true
 }
 
-/// Moves the camera towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the number
-/// differs from 0.
+/// Moves the camera towards `target` by a number of notches of the wheel; negative numbers move it away. Returns whether the number differs from 0.
 pub fn approach(pose: &mut Pose, target: DVec3, notches: f64) -> bool {
     *pose = around(pose, target, pose.position.distance(target) * NOTCH.powf(-notches));
     notches != 0.0

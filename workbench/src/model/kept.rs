@@ -1,9 +1,9 @@
-//! The state that persists between sessions: the names of recent scenes, the arrangement of the panes, the settings of the frame and the display, and
-//! for each scene its changed numbers, its places and its paths. The state is stored in a TOML file of the user ([`place`]), which can be read and
-//! edited by hand. The workbench also starts without this file.
+//! The state that is saved from one start to the next: the names of recent scenes, the arrangement of the panes, the settings of the frame and the
+//! display, and for each scene its changed numbers, its places and its paths. The state is stored in a TOML file of the user ([`place`]), which can
+//! be read and edited by hand. The workbench also starts without this file.
 //!
-//! The file is written completely or not at all. It never replaces a file that is not a saved state of this program. A file that cannot be parsed is
-//! renamed. A file of a newer version of the program is not changed.
+//! The file is written completely or not at all. A file that is not a saved state of this program is not overwritten. If a file cannot be parsed at
+//! the start, it is renamed, if that is possible. A file of a newer version of the program is not changed.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -198,9 +198,9 @@ impl Kept {
         OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
 
-    /// Reads the saved state, and returns a line if the user should know about a problem. If there is no file, the state is empty and there
-    /// is no line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). A file of a newer version,
-    /// or one that cannot be read, is left as it is.
+    /// Reads the saved state, and returns a line if the user should know about a problem. If there is no file, the state is empty and there is no
+    /// line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). If renaming fails, the file stays
+    /// where it is. A file of a newer version, or one that cannot be read, is left as it is.
     pub fn load(path: &Path) -> (Kept, Option<String>) {
         let line = match Found::at(path) {
             Found::Nothing => return (Kept::default(), None),
@@ -237,7 +237,7 @@ impl Kept {
         }
     }
 
-    /// Writes the saved state, completely or not at all, and only if there is no file yet or the existing file is a saved state that can be parsed.
+    /// Writes the saved state, completely or not at all. There must be no file yet, or the existing file must be a saved state that can be parsed.
     ///
     /// # Errors
     /// One line: the existing file is of a newer version, of another kind, or cannot be read; or the file cannot be written. An existing file
@@ -374,7 +374,8 @@ fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     Some(state?.join("scree").join("workbench.toml"))
 }
 
-/// The name of a scene in the saved state: the absolute path of the argument of [`scene::load`], or `default` for the built-in scene.
+/// The name of a scene in the saved state: `default` for the built-in scene, otherwise the absolute path of the argument of [`scene::load`]. If there
+/// is no such path, or if it is not valid Unicode, it is the argument itself.
 pub fn scene_name(given: &str) -> String {
     let absolute = || std::path::absolute(given).ok()?.into_os_string().into_string().ok();
     if given == scene::DEFAULT { given.to_owned() } else { absolute().unwrap_or_else(|| given.to_owned()) }
@@ -408,8 +409,9 @@ impl Keeper {
         self.failure.as_deref()
     }
 
-    /// Call this whenever the window is drawn. Once every [`EVERY`], this function calls `present` to get the state to save. It begins to write the
-    /// state if the state has changed or the last attempt to write failed. `present` receives the previously saved state.
+    /// Call this whenever the window is drawn. If the last check is at least [`EVERY`] ago and nothing is being written, this function calls
+    /// `present` to get the state to save. `present` receives the previously saved state. The function begins to write the state if the state has
+    /// changed or the last attempt to write failed.
     pub fn tend(&mut self, now: Instant, present: impl FnOnce(&Kept) -> Kept) {
         if self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) || now.saturating_duration_since(self.looked) < EVERY {
             return;

@@ -1,4 +1,4 @@
-//! The state that the panels show and change: [`state::Model`] and its parts. The model depends neither on the window nor on the drawing thread.
+//! The state that the panels show and change: [`state::Model`] and its parts. The model does not use the modules `window` and `engine`.
 
 pub mod brush;
 pub mod compare;

@@ -13,7 +13,7 @@ pub enum Pane {
     Viewport,
     /// Choice of variant, estimator, noise and other settings of shading.
     Variants,
-    /// Materials: their textures, and the size, rotation and tint of the textures.
+    /// Materials, their textures, and how the textures look on the ground. Also saves the scene as a file.
     Materials,
     /// Splat rules, which assign a material to each place.
     Rules,
@@ -23,7 +23,7 @@ pub enum Pane {
     Compare,
     /// Live metrics of the pictures.
     Metrics,
-    /// The numeric settings of the scene and the frame, and all settings of the stages.
+    /// The numeric settings of the scene and the frame, and the settings of the stages.
     Parameters,
     /// Size, shading and times of the frame, and times to draw the window.
     Frame,
@@ -266,7 +266,7 @@ impl Making {
     }
 }
 
-/// Returns the share, or 1 if the share is not a positive finite number and would make the pane invisible.
+/// Returns the share. If it is not a positive finite number, it could make the pane invisible, so 1 is returned.
 fn usable(share: f32) -> f32 {
     if share.is_finite() && share > 0.0 { share } else { 1.0 }
 }

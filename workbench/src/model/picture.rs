@@ -108,7 +108,7 @@ pub struct Shown {
     pub layout: kernels::world::Layout,
     /// Mean linear albedo of each material of the requested scene, tint included.
     pub mean_albedos: Vec<[f32; 3]>,
-    /// The live metrics of the last frames, the newest last.
+    /// The live metrics of the last frames, the newest last; empty if live metrics are not computed.
     pub readings: Vec<Reading>,
     /// Time from the start of drawing to the finished texels of A and B. It includes the inspected pixel and the live metrics.
     pub took: Duration,
@@ -127,7 +127,7 @@ impl Shown {
 pub struct Adapter {
     /// Name given by the driver.
     pub name: String,
-    /// Whether it is a software adapter (a driver that runs on the processor): only ratios of its times are meaningful.
+    /// Whether it is a software adapter, a driver that runs on the processor. Of its times, only ratios are meaningful.
     pub software: bool,
     /// Why scenes are drawn without anisotropic filtering; `None` = they are drawn with it.
     pub without_anisotropy: Option<&'static str>,
@@ -142,14 +142,14 @@ pub struct News {
     pub adapter: Option<Adapter>,
     /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Number of compiled shaders, and number of all shaders that a click may need; zeros if shaders are not compiled in advance.
+    /// Number of shaders that are compiled already, and number of all shaders that are to be compiled in advance; zeros if none are.
     pub warm: [usize; 2],
     /// Why the last request was not fulfilled, or why the thread cannot draw at all; one line.
     pub failure: Option<String>,
     /// [`Wish::opened`] of the last scene that was loaded completely, including all files that it names; `None` = no scene has been loaded yet.
     pub loaded: Option<u32>,
-    /// [`Wish::opened`] of the last scene, if it could not be loaded, or if every device that drew it was lost; `failure` says why. `None` = the
-    /// scene was loaded, or is being loaded.
+    /// [`Wish::opened`] of the last scene, if it could not be loaded, or if the devices that drew it were lost one after another. `failure` says why.
+    /// `None` = the scene was loaded, or is being loaded.
     pub unloaded: Option<u32>,
     /// Why the shaders in the watched folder are not in use, in one line. If a shader does not compile, the text gives file, line number and message,
     /// and the last shaders that compiled stay in use. If the device failed with the shaders of the folder, the shaders of the program are used.

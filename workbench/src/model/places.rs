@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::files;
 
-/// Maximum number of frames of a path. At 60 frames a second, the path takes 28 minutes. Its poses take 5 MB of memory.
+/// Maximum number of frames of a path. At 60 frames a second, a path of this length takes about 28 minutes. Its poses take about 5 MB of memory.
 pub const MOST_FRAMES: usize = 100_000;
 /// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing if the user steps through time faster than
 /// pictures are drawn.
@@ -248,7 +248,7 @@ impl Recorded {
         let metadata = fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() || metadata.len() > MOST_BYTES {
             return Err(format!(
-                "{place} is not a regular file, or is too large for a path: give a table that was written with `Write ... to a file`"
+                "{place} is not a regular file, or is too large for a path: give a table that was written with `Write NAME to a file`"
             ));
         }
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -262,7 +262,7 @@ fn explain(error: &csv::Error) -> String {
             let line = pos.as_ref().map_or(0, csv::Position::line);
             format!("line {line} has {len} cells, must have {}", COLUMNS.len())
         }
-        csv::ErrorKind::Utf8 { .. } => "it is not UTF-8 text: give a table that was written with `Write ... to a file`".to_owned(),
+        csv::ErrorKind::Utf8 { .. } => "it is not UTF-8 text: give a table that was written with `Write NAME to a file`".to_owned(),
         _ => error.to_string(),
     }
 }

@@ -60,7 +60,8 @@ pub const TIMES_VARIANTS: Setting<Settings> = Setting {
     unit: "",
     kind: Kind::Flag,
     default: || Some(Value::Boolean(false)),
-    about: "Shade each variant in a separate pass, to compare the times. The sum of these times is not the time of a single pass for all variants.",
+    about: "Shade the tiles of each variant in a pass of their own, to compare the times of variants. The sum of these times differs from the time \
+            of a single pass for all variants.",
     listing: VIEW.shown("Time variants"),
     field: |settings| Some(&settings.times_variants),
     field_mut: |settings| Some(&mut settings.times_variants),
@@ -78,7 +79,7 @@ pub const LAYER: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.layer),
 };
 
-/// The settings that only the workbench has: render scale, layer, and whether fetches are counted and variants are timed.
+/// The settings that only the workbench has: render scale, layer, counting of fetches, and timing of variants.
 pub const OWN: [&Setting<Settings>; 4] = [&SCALE, &LAYER, &COUNTS, &TIMES_VARIANTS];
 
 impl Field for Layer {
@@ -113,7 +114,7 @@ impl Settings {
         Settings { scene, frame: FrameSettings::default(), scale: 1.0, layer: Layer::Lit, counts: false, times_variants: false }
     }
 
-    /// The settings that persist between sessions, by the last part of their keys. The settings of the scene are saved separately.
+    /// The settings that are saved from one start to the next, by the last part of their keys. The settings of the scene are saved separately.
     pub fn kept(&self) -> impl Iterator<Item = (&'static str, Value)> {
         let of_frame = frame_settings().filter_map(move |setting| Some((setting.name(), setting.get(&self.frame)?)));
         of_frame.chain(OWN.into_iter().filter_map(move |setting| Some((setting.name(), setting.get(self)?))))
@@ -150,7 +151,7 @@ impl Settings {
         self.frame.variant = Variant::new(mask);
     }
 
-    /// Whether both settings render the same pictures. Differences in how the pictures are displayed do not count.
+    /// Whether both settings are equal, apart from settings of the display: render scale, layer, counting, timing, exposure and tone curve.
     pub fn looks_like(&self, other: &Settings) -> bool {
         let Settings { scale, layer, counts, times_variants, .. } = *self;
         let frame = other.frame.looked_at_as(&self.frame);

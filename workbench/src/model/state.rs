@@ -112,8 +112,7 @@ pub struct Model {
     /// not validated again. The current scene is therefore still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. They limit the response time, because a click waits
-    /// for at most one drawing of the window.
+    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. The answer to a click waits for such a drawing.
     pub(crate) answers: VecDeque<Duration>,
     /// Whether the saved state has a render scale (first) and a vertex stride (second). Saved values were chosen by the user.
     chosen: [bool; 2],
@@ -249,7 +248,7 @@ impl Model {
         self.shown().filter(|shown| shown.wish.opened == self.opened)
     }
 
-    /// Rectangle of a panel in the window, points; `None` = another panel is in front of it.
+    /// Rectangle of a panel in the window, points; `None` = the panel is not visible, for example behind another one.
     pub fn place_of(&self, pane: Pane) -> Option<egui::Rect> {
         let tile = self.tree.tiles.find_pane(&pane)?;
         self.tree.tiles.is_visible(tile).then(|| self.tree.tiles.rect(tile)).flatten()
@@ -284,7 +283,7 @@ impl Model {
         !self.room.contains(&0)
     }
 
-    /// Whether every shader that a click may need is compiled.
+    /// Whether all shaders that are compiled in advance are compiled, see [`News::warm`].
     pub fn is_warm(&self) -> bool {
         self.news.warm[1] > 0 && self.news.warm[0] == self.news.warm[1]
     }
@@ -380,7 +379,7 @@ impl Model {
         self.viewpoint = Viewpoint::Free { pose, walking: self.flight.walking };
     }
 
-    /// Begins or ends orbiting.
+    /// Begins or ends orbiting. If orbiting begins, walking ends.
     pub(crate) fn orbit(&mut self, on: bool) {
         self.flight.orbit = if on { Orbit::Sought } else { Orbit::Off };
         self.flight.walking &= !on;

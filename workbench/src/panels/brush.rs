@@ -20,14 +20,15 @@ const fn name(kind: StrokeKind) -> &'static str {
 const fn about(kind: StrokeKind) -> &'static str {
     match kind {
         StrokeKind::Splat => "Paints the material wherever the brush passes, regardless of the rules",
-        StrokeKind::Mask => "Multiplies the weights of the material's rules by `Brush amount` wherever the brush passes",
+        StrokeKind::Mask => "Multiplies the weights of the material's rules by `Brush amount` where the brush passes, with a soft border",
     }
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     model.brush.fit(&model.settings.scene);
-    ui.checkbox(&mut model.brush.paints, "Paint")
-        .on_hover_text("If on, a drag or click in the picture paints on the ground, and a drag with Shift looks around (key B)");
+    ui.checkbox(&mut model.brush.paints, "Paint").on_hover_text(
+        "Lets a drag or a click in the picture paint on the ground. To look around, hold Shift and drag. Key B switches this on or off.",
+    );
     settings(model, ui);
     notes(model, ui);
     ui.separator();
@@ -56,14 +57,14 @@ fn settings(model: &mut Model, ui: &mut Ui) {
             let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
             number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
             let about =
-                "Factor on the weights of the rules for the material. 0 removes the material, 1 changes nothing, a value above 1 favours it.";
+                "Factor on the weights of the rules for the material. Below 1, the material becomes rarer; above 1, it becomes more frequent.";
             let row = Number { name: "Brush amount", unit: "x", range: [0.0, MOST_AMOUNT], logarithmic: false, about };
             number(ui, &row, &mut brush.amount, Some(usual.amount));
         }
     });
 }
 
-/// Warnings for cases in which painting has no effect.
+/// Notes that say why painting has no effect, or why a drag was not painted completely.
 fn notes(model: &Model, ui: &mut Ui) {
     let brush = &model.brush;
     let has_rule = model.settings.scene.rules.iter().any(|rule| rule.material == brush.material);
@@ -79,14 +80,15 @@ fn notes(model: &Model, ui: &mut Ui) {
     }
 }
 
-/// The list of strokes, in the order in which they are painted.
+/// The list of strokes, in their order in the scene.
 fn strokes(model: &mut Model, ui: &mut Ui) {
     let strokes = &mut model.settings.scene.strokes;
     let count = strokes.len();
     ui.horizontal_wrapped(|ui| {
-        ui.label(format!("{}; later strokes cover earlier ones", counted(count, "stroke")));
+        ui.label(format!("{}, applied in this order", counted(count, "stroke")));
         let clear = ui.add_enabled(count > 0, Button::new("Clear strokes"));
-        if clear.on_hover_text("Removes all strokes, including those with which the scene was opened. Undo restores them.").clicked() {
+        let hint = "Removes all strokes, including those with which the scene was opened. Undo restores them.";
+        if clear.on_hover_text(hint).on_disabled_hover_text("There are no strokes").clicked() {
             strokes.clear();
         }
     });

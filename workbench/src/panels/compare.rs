@@ -3,7 +3,7 @@
 use eframe::egui::{self, Ui};
 use experiments::judge;
 
-use super::choose;
+use super::{COMMAND, choose};
 use crate::model::compare::{Mode, Other, label};
 use crate::model::picture::{Second, Shown};
 use crate::model::state::Model;
@@ -19,12 +19,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             (
                 Other::Exact,
                 Other::Exact.name().to_owned(),
-                "The exact blend: the mean of fc5 over all its random choices. It has no noise.",
+                "The exact blend with the settings of A: the mean of `fc5` over all its random choices. It has no noise.",
             ),
             (
                 Other::Full,
                 Other::Full.name().to_owned(),
-                "All materials blended exactly on every pixel: the reference by which cheaper shading is judged",
+                "The reference blend: full splat with two tilings on every pixel. Cheaper shading is judged by it.",
             ),
         ];
         if let Other::Kept(kept) = &model.compare.other {
@@ -39,26 +39,31 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             model.compare.keep(&model.settings);
         }
         let drawn = model.compare.mode != Mode::Off;
-        if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("Exchanges A and B, so that you can edit B").clicked() {
+        let why = "B is not drawn. Choose first in `Show` how to compare A with B.";
+        let swap = ui
+            .add_enabled(drawn, egui::Button::new("Swap A and B"))
+            .on_hover_text("Exchanges A and B, so that the panels edit the former B");
+        if swap.on_disabled_hover_text(why).clicked() {
             model.compare.swap(&mut model.settings);
             model.keep_viewpoint();
         }
-        let hint = "Shows one picture at a time, and switches between A and B (key X)";
-        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text(hint).clicked() {
+        let hint = "Shows A and B one at a time, and switches to the other one. Key: X.";
+        let other = ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text(hint);
+        if other.on_disabled_hover_text(why).clicked() {
             flick(model);
         }
     });
     ui.separator();
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Zoom");
-        ui.add(egui::Slider::new(&mut model.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
-            .labelled_by(label.id)
-            .on_hover_text("Magnification of what the viewport shows, 1 to 64 (Ctrl and the wheel over the picture)");
+        ui.add(egui::Slider::new(&mut model.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x")).labelled_by(label.id).on_hover_text(
+            format!("Magnification of the picture, 1 to 64. To change it, hold {COMMAND} and turn the wheel over the picture."),
+        );
         if ui.button("Fit").clicked() {
             (model.looking.zoom, model.looking.centre) = (1.0, [0.5; 2]);
         }
         ui.checkbox(&mut model.looking.loupe, "Loupe")
-            .on_hover_text("Magnifies A and, if it is drawn, B under the pointer by a factor of 8 (key L)");
+            .on_hover_text("Shows the place under the pointer 8 times larger, in A and, if B is drawn, in B. Key: L.");
     });
     if model.compare.mode == Mode::Wipe {
         let label = ui.label("Wipe at");
@@ -96,17 +101,17 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             ui.label(value);
             ui.end_row();
         };
-        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference in lit linear colour, over the pixels that show terrain");
+        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference in lit linear colour, over the pixels of A that show terrain");
         row(
             "PSNR",
             if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() },
             "Peak signal-to-noise ratio: the ratio of the peak value 1 to the RMSE, in decibels",
         );
-        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in lit linear luminance, over the pixels that show terrain");
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in lit linear luminance, over the pixels of A that show terrain");
         row(
             "Largest |A - B|",
             format!("{largest:.4}"),
-            "Largest absolute difference in lit linear luminance, over the pixels that show terrain",
+            "Largest absolute difference in lit linear luminance, over the pixels of A that show terrain",
         );
     });
     ui.label("These numbers compare the lit pictures of this frame, with one sample per pixel. Experiments compare with a supersampled reference.");

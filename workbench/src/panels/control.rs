@@ -7,7 +7,7 @@ use toml::Value;
 use super::{choose, reset};
 
 /// Shows a label and the control of a setting. In a grid, they take two columns. A flag takes one column, because the checkbox includes its label.
-/// `about_item` returns the tooltip of a value in a list; an empty tooltip is not shown.
+/// `owner` stores the value. `about_item` returns the tooltip of a value in a list; an empty tooltip is not shown. `None` = nothing is shown.
 pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about_item: fn(&str) -> &'static str) -> Option<Response> {
     let before = setting.get(owner)?;
     let mut value = before.clone();

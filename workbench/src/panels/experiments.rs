@@ -53,8 +53,8 @@ impl Default for ExperimentsPanel {
     }
 }
 
-/// The definitions that were found, and the places that were searched. Folders are read when their name changes or the panel appears, not each time
-/// the window is drawn.
+/// The definitions that were found, and the places that were searched. Folders are not read each time the window is drawn, but when their names
+/// change, when the panel appears, and after saving.
 #[derive(Default)]
 struct Listed {
     places: Option<[String; 2]>,
@@ -132,13 +132,13 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
 fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
         place(ui, "Folder", &mut panel.folder, "Folder in which each saved experiment gets a folder of its own");
-        field(ui, "Experiment name", &mut panel.name, "Name of the folder and of the .toml file in it: letters a to z, digits, - and _");
+        field(ui, "Experiment name", &mut panel.name, "Name of the folder and of the .toml file in it: letters without accents, digits, - and _");
         count(
             ui,
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "Number of frames, 1 to 1000, from frame 0 on: at least 2 for flips and residual flicker, at least 5 to compare frames 4 apart",
+            "Number of frames, 1 to 1000, from frame 0 on. Flips and residual flicker need at least 2, comparing frames 4 apart at least 5.",
         );
         count(
             ui,
@@ -190,7 +190,7 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
             let why = lacks.as_deref().unwrap_or("Another run is in progress: wait until it ends, or cancel it");
             let button = button.on_disabled_hover_text(why);
             let hint = format!(
-                "Runs {}. If `Results` holds an earlier run of it, a stopped run continues, and of a finished run only the report is rewritten.",
+                "Runs {}. If the folder `Results` has a stopped run of it, that run continues. If it has a finished run, the report is written again.",
                 file.display()
             );
             if button.on_hover_text(hint).clicked() {
@@ -210,7 +210,8 @@ fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
         if ui
             .button("Cancel run")
             .on_hover_text(
-                "Stops the run, on Linux and macOS after its current step; finished parts are kept. A second click stops it at once.",
+                "Stops the run and keeps its finished parts. On Linux and macOS, the first click lets the current step finish, and a second click \
+                 stops the run at once. On Windows, the first click stops it at once.",
             )
             .clicked()
         {
@@ -230,7 +231,7 @@ fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
         }
     };
     ui.label(format!("{} is done: {}", run.name(), report.page.display()));
-    if ui.button("Open report").on_hover_text("Opens the report in the browser").clicked() {
+    if ui.button("Open report").on_hover_text("Opens the report in the program that the system uses for web pages").clicked() {
         let outcome = experiment::open(&report.page).map(|()| format!("Opened {}", report.page.display()));
         panel.note(outcome);
     }

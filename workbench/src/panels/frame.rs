@@ -29,17 +29,17 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         row(
             ui,
             "Shaded by",
-            "`auto`: each tile is shaded by the variant that its pixels need; otherwise, all are shaded by the named one. `generic`: by the \
-             generic kernel.",
+            "`auto`: each tile is shaded by the variant that its pixels need. The name of a variant: this variant shades all tiles. `generic`: \
+             the generic kernel is used.",
             shown.wish.settings.choice_name(),
         );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
-        row(ui, "Fetches", "Texture fetches of shading per pixel, averaged over the pixels that show terrain", fetches);
+        row(ui, "Fetches", "Number of texture fetches of the shading pass per pixel, averaged over the pixels that show terrain", fetches);
         row(
             ui,
             "Drawn and read back",
-            "Wall-clock time from the start of drawing until all pictures are on the CPU. It includes loading terrain nodes and, if they are on, \
-             drawing B, inspecting a pixel, and live metrics.",
+            "Wall-clock time from the start of drawing until the pictures can be shown. It includes the loading of terrain nodes, and also B, the \
+             inspected pixel and the live metrics, if there are any.",
             format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
         );
         row(
@@ -96,7 +96,7 @@ fn times(model: &Model, ui: &mut Ui) {
         model.times.len()
     ));
     if let Some([median, worst]) = median_and_longest(&model.answers) {
-        let hint = "Time to draw the window itself, without the terrain pictures. A click waits for at most one such drawing.";
+        let hint = "Time to draw the window itself, without the terrain pictures. The answer to a click waits for such a drawing.";
         ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", model.answers.len())).on_hover_text(hint);
     }
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());

@@ -2,10 +2,13 @@
 
 use eframe::egui::{Label, Ui};
 
+use super::COMMAND;
+
 const TEXT: &str = "A terrain shaded as in Far Cry 5: each tile of 8 x 8 pixels runs one of 31 shaders, the cheapest that can shade all its pixels. \
     Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, and cliffs from a few texture samples \
     chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and how it changes the picture.";
 
+/// The keys, and what they do. [`COMMAND`] takes the place of `Ctrl`.
 const KEYS: [(&str, &str); 22] = [
     ("drag", "look around"),
     ("click", "inspect a pixel: Inspector"),
@@ -41,7 +44,7 @@ pub(crate) fn show(ui: &mut Ui) {
         ui.horizontal_top(|ui| {
             ui.scope(|ui| {
                 ui.set_width(KEY_COLUMN);
-                ui.monospace(key);
+                ui.monospace(key.replace("Ctrl", COMMAND));
             });
             ui.add(Label::new(does).wrap());
         });

@@ -29,7 +29,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     if model.probe.is_none() {
         ui.label("Click a place in the picture, or give a pixel's column and row.");
     } else if shown.wish.probe != model.probe {
-        ui.label("...").on_hover_text("The picture with this pixel is not ready yet. The table may still show the previous pixel.");
+        ui.label("...")
+            .on_hover_text("The picture in which this pixel is inspected is not ready yet. Until then, the table may show another pixel.");
     } else if shown.draft {
         ui.label("This is only a preview (first look). The table appears when the textures of the scene are ready.");
     } else if shown.pixel.is_none() {
@@ -61,13 +62,15 @@ fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
     }
     ui.horizontal_wrapped(|ui| {
         let hint = "Copies the table to the clipboard, one row per line: name, tab, value";
-        if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text(hint).clicked() {
+        let copy = ui.add_enabled(!rows.is_empty(), Button::new("Copy"));
+        if copy.on_hover_text(hint).on_disabled_hover_text("There are no values. Click on terrain in the picture.").clicked() {
             let text: String = rows.iter().map(|row| format!("{}\t{}\n", row.name, row.value)).collect();
             ui.ctx().copy_text(text);
         }
         if ui
-            .add_enabled(model.probe.is_some(), Button::new("Let go"))
-            .on_hover_text("Stops inspecting. A is then shaded once per picture instead of twice.")
+            .add_enabled(model.probe.is_some(), Button::new("Stop inspecting"))
+            .on_hover_text("Ends the inspection and removes the mark in the picture. A is then shaded once per picture instead of twice.")
+            .on_disabled_hover_text("No pixel is inspected")
             .clicked()
         {
             model.probe = None;

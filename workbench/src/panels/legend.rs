@@ -14,8 +14,7 @@ const PIECES: u16 = 128;
 /// Width and height of a swatch, points.
 const SWATCH: f32 = 12.0;
 
-/// Draws a legend. `name` is the name of the layer, and must differ from the names of other legends on screen. `words` explains the colours of the
-/// layer.
+/// Draws a legend. `name` says what the picture shows, and must differ from the names of other legends on screen. `words` explains the colours.
 pub(crate) fn show(ui: &mut Ui, name: &str, words: &str, legend: &Legend) {
     match legend {
         Legend::Words => {

@@ -19,7 +19,7 @@ const POINTS_PER_E: f32 = 200.0;
 const ARROW_POINTS: f32 = 22.0;
 /// Width and height of a swatch in the legend, points.
 const SWATCH_POINTS: f32 = 12.0;
-/// Colours of levels, the finest first. They are taken from viridis, which is perceptually uniform and runs from light to dark, so that people with
+/// Colours of levels, the finest first. They are taken from the colour map viridis. They become darker from level to level, so that people with
 /// colour blindness can distinguish them.
 const LEVEL_COLOURS: [[u8; 3]; LODS as usize] =
     [[253, 231, 37], [122, 209, 81], [34, 168, 132], [42, 120, 142], [65, 68, 135], [68, 1, 84]];
@@ -90,9 +90,9 @@ fn legend(levels: &[Level], ui: &mut Ui) {
         for (name, about) in [
             ("", "Colour of the level on the map"),
             ("Level", "Level of the quadtree; the smaller, the finer"),
-            ("Edge", "Length of an edge of a terrain node of this level"),
-            ("Nodes", "Number of nodes of this level that are selected for this frame"),
-            ("Texel", "Length of an edge of a texel of the albedo and normal atlases. A node has 128 texels and 128 quads along an edge."),
+            ("Edge", "Edge length of a terrain node of this level"),
+            ("Nodes", "Number of nodes of this level that are selected for the picture"),
+            ("Texel", "Edge length of a texel of the albedo and normal atlases. A node has 128 quads along an edge and, without its border, 128 texels."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -147,15 +147,15 @@ fn closer(span_m: f64, points: f32, widest_m: f64) -> f64 {
     (span_m * f64::from(-points / POINTS_PER_E).exp()).clamp(NARROWEST_M, widest_m.max(NARROWEST_M))
 }
 
-/// The longest of 1, 2, 5, 10, 20, ... metres that is at most `longest_m`; 1 if `longest_m` is shorter than 1 m.
+/// Returns the largest number of the series 1, 2, 5, 10, 20, 50 and so on that is at most `longest_m`; 1 if `longest_m` is below 1.
 fn round_length_m(longest_m: f64) -> f64 {
     let decade = 10_f64.powi(longest_m.max(1.0).log10().floor() as i32);
     [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
 }
 
-/// Returns the part of a level plane at elevation `ground_m` that is inside the frustum, as the corners of a convex polygon in world metres. The
-/// polygon is cut off at a distance from the camera that is greater than `reach_m`. It is empty if the camera is not above the plane, or sees none of
-/// it.
+/// Returns the part of a level plane at elevation `ground_m` that is inside the frustum, as the corners of a convex polygon in world metres. The part
+/// of the plane that is far from the camera is cut off, at a distance of more than `reach_m`. The polygon is empty if the camera is not above the
+/// plane, or if nothing is left.
 fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
     let above_m = pose.position.z - ground_m;
     if above_m <= 0.0 || size.contains(&0) {
@@ -166,8 +166,8 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground at a distance of more
-    // than 4 * `reach_m`, or never. At this distance, the cut is outside the map.
+    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground at a depth of more than
+    // 4 * `reach_m`, or not at all. So the cut is outside the map.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {
@@ -189,9 +189,9 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let label = ui.label("Map span");
         let slider = Slider::new(span_m, NARROWEST_M..=widest_m).logarithmic(true).clamping(egui::SliderClamping::Always);
-        ui.add(slider.suffix(" m").max_decimals(0))
-            .labelled_by(label.id)
-            .on_hover_text("Length of ground along an edge of the map. To change it, turn the wheel or drag up or down over the map.");
+        ui.add(slider.suffix(" m").max_decimals(0)).labelled_by(label.id).on_hover_text(
+            "Length of the ground along an edge of the map. To change it, turn the wheel over the map, or drag the map up or down.",
+        );
     });
     let edge = ui.available_width().clamp(MAP_POINTS[0], MAP_POINTS[1]);
     let (response, painter) = ui.allocate_painter(vec2(edge, edge), Sense::drag());
@@ -222,8 +222,8 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "The selected terrain nodes, seen from above, coloured by level, with north at the top; the camera, its view direction, and the part of \
-         the ground that it would see if the ground were flat",
+        "The selected terrain nodes, seen from above and coloured by level. North is at the top. The map also shows the camera, its view \
+         direction, and the part of the ground that it would see if the ground were flat.",
     );
     if frozen.is_some() {
         ui.label("Culling is frozen: the nodes and patches are selected for the yellow camera.");
@@ -285,7 +285,7 @@ mod tests {
         assert_eq!(node(0, 80, 80), Rect::from_min_max(pos2(150.0, 88.0), pos2(182.0, 120.0)));
         assert_eq!(node(0, 80, 79), Rect::from_min_max(pos2(150.0, 120.0), pos2(182.0, 152.0)));
         assert_eq!(node(1, 40, 40), Rect::from_min_max(pos2(150.0, 56.0), pos2(214.0, 120.0)));
-        // The four children of a node cover it exactly, at any position of the camera.
+        // The four children of a node cover it, up to rounding, also at this position of the camera.
         let map = map_of(DVec2::new(-777.0, 1234.5), 3000.0);
         let parent = NodeId { lod: 3, x: 8, y: 11 };
         let union = parent.children().into_iter().map(|child| map.node(child, &layout)).reduce(Rect::union).expect("four");

@@ -104,21 +104,33 @@ fn list(model: &mut Model, ui: &mut Ui) {
                 Err(why) => Some(Err(why)),
             };
         }
-        if ui.button("Remove material").on_hover_text("Removes the selected material, if no rule or stroke uses it").clicked() {
+        if ui
+            .button("Remove material")
+            .on_hover_text("Removes the selected material. It must not be the only material, and no rule or stroke may use it.")
+            .clicked()
+        {
             panel.said = editing::remove_material(scene, panel.selected).err().map(Err);
         }
         let original = &model.original;
         let origin = editing::origin(scene, original, panel.selected);
         let changed = origin.is_some() && scene.materials.get(panel.selected) != origin;
         let reset = ui.add_enabled(changed, Button::new("Reset material"));
-        if reset.on_hover_text("Restores the material from the scene file").clicked() {
+        let why = match origin {
+            Some(_) => "The material is as it was when the scene was opened or last saved",
+            None => "The scene as it was opened or last saved does not have this material",
+        };
+        if reset
+            .on_hover_text("Restores the material as it was when the scene was opened or last saved")
+            .on_disabled_hover_text(why)
+            .clicked()
+        {
             editing::reset_material(scene, original, panel.selected);
             panel.said = None;
         }
     });
 }
 
-/// A swatch of the mean colour of a material in the current picture. It is empty if the scene of the picture does not have the material yet.
+/// A swatch of the mean colour of a material. It is empty if the colour is not known, because no picture with this material has been drawn yet.
 fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
     let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
@@ -141,7 +153,12 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     }
     let label = ui.label("Material name");
     let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
-    if field.on_hover_text("1 to 100 characters. Rules and strokes that use the material get the new name, too.").changed() {
+    if field
+        .on_hover_text(
+            "A name that no other material has, 1 to 100 characters long. Rules and strokes that use the material get the new name, too.",
+        )
+        .changed()
+    {
         let wanted = panel.name[0].clone();
         panel.misnamed = editing::rename_material(&mut model.settings.scene, index, &wanted).err();
         if panel.misnamed.is_none() {
@@ -189,7 +206,7 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
     field.on_hover_text(
         "Folder with images (.png, .jpg, .tga or .exr) named albedo, normal, height and roughness, or as Poly Haven, ambientCG and Quixel name \
-         them; absolute, or relative to the folder of the scene file",
+         them. The path is absolute, or relative to the folder of the scene file.",
     );
     ui.end_row();
 
@@ -202,7 +219,8 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     ui.label("");
     let idle = model.materials.dialog.is_none();
     let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
-    if load.on_hover_text("Opens a dialog to choose a folder of textures. You can also drop a folder on the window.").clicked() {
+    let hint = "Opens a dialog to choose a folder of textures. You can also drop a folder on the window.";
+    if load.on_hover_text(hint).on_disabled_hover_text("The dialog is already open").clicked() {
         model.materials.dialog = Some(choose_folder(model.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
     }
     ui.end_row();
@@ -236,7 +254,7 @@ fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
     let usual = editing::origin(&model.settings.scene, &model.original, index).cloned();
     let usual = usual.as_ref();
     let material = &mut model.settings.scene.materials[index];
-    let about = "Size of one repetition of the texture on the ground.";
+    let about = "Edge length of one repetition of the texture on the ground.";
     let row = Number { name: "Texture tile", unit: "m", range: [0.1, 1000.0], logarithmic: true, about };
     number(ui, &row, &mut material.tile_m, usual.map(|usual| usual.tile_m));
     let about = "Rotation of the texture on the ground.";
@@ -250,13 +268,15 @@ fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
 
 /// The controls for the tint: a colour picker for values up to 1, and number fields that also accept higher values.
 fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
-    let hint = "Factor on the colour of the texture, linear RGB, 0 to 16. If the texture has a colour mask, the factor applies where the mask is 1.";
+    let hint = "Factor on the colour of the texture, linear RGB, 0 to 16. The colour mask of the texture decides where the factor applies: fully where \
+                the mask is 1.";
     ui.label("Tint").on_hover_text(hint);
     ui.horizontal(|ui| {
         let mut colour = tint.map(|c| c.clamp(0.0, 1.0) as f32);
         let well = ui.color_edit_button_rgb(&mut colour);
         well.widget_info(|| WidgetInfo::labeled(Role::ColorWell, true, "Tint"));
-        if well.on_hover_text("Opens a colour picker, linear RGB up to 1").changed() {
+        let about = "Opens a colour picker. It shows factors up to 1, as sRGB values from 0 to 255. The fields beside it show the factors themselves.";
+        if well.on_hover_text(about).changed() {
             *tint = colour.map(f64::from);
         }
         for (channel, name) in tint.iter_mut().zip(["Tint red", "Tint green", "Tint blue"]) {
@@ -278,7 +298,7 @@ fn saving(model: &mut Model, ui: &mut Ui) {
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
         ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a new .toml file, or of the scene's own file. {}", from_here()));
         ui.checkbox(&mut panel.overwrites, "Overwrite")
-            .on_hover_text("Allows overwriting a file from which this scene was opened, or to which it was saved, but no other file");
+            .on_hover_text("Lets `Save scene as...` replace a file of this scene: one from which it was opened, or to which it was saved");
     });
     let hint = "Writes the scene with its materials, rules, strokes and numbers to a file for this program and `experiments`";
     if ui.button("Save scene as...").on_hover_text(hint).clicked() {

@@ -4,6 +4,7 @@ use eframe::egui::{self, Slider, Ui};
 use egui_plot::{Legend, Line, Plot, PlotPoints};
 use kernels::metrics::Summary;
 
+use super::COMMAND;
 use crate::model::metrics::{Metrics, Reading, WINDOWS};
 use crate::model::state::Model;
 
@@ -17,7 +18,7 @@ struct Quantity {
 const QUANTITIES: [Quantity; 6] = [
     Quantity {
         name: "Flip rate",
-        about: "Share of random choices that differ from those in the previous frame at the same surface point",
+        about: "Share of the random choices that differ from the choice in the previous frame at the same surface point",
         of: |s| s.flip_rate,
     },
     Quantity {
@@ -27,8 +28,8 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Residual",
-        about: "Mean absolute change of A - B in luminance of albedo since the previous frame, at the same surface point: the change that only one \
-                of the two pictures has. Measured for A only, while B is drawn.",
+        about: "Mean absolute change of the difference A - B in luminance of albedo since the previous frame, at the same surface point. It is 0 \
+                where A and B change alike. It is shown in column A while B is drawn.",
         of: |s| s.residual,
     },
     Quantity {
@@ -37,11 +38,12 @@ const QUANTITIES: [Quantity; 6] = [
                 points",
         of: |s| Some(s.variance.sqrt()),
     },
-    Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo. Measured for A only, while B is drawn.", of: |s| s.bias },
+    Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo. It is shown in column A while B is drawn.", of: |s| s.bias },
     Quantity {
         name: "Clumping",
-        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise of the same variance; 1 = white, more = \
-                blotches. The noise of A is A - B if B is drawn; otherwise, and for B, it is the deviation from the running mean.",
+        about: "How blotchy the noise of the last frame is: the variance of its means over blocks of 5 x 5 pixels, relative to white noise of the \
+                same variance. White noise has 1, blotches have more. If B is drawn, the noise of A is A - B. Otherwise, and for B, it is the \
+                deviation from the mean over frames.",
         of: |s| s.clumping,
     },
 ];
@@ -49,19 +51,19 @@ const QUANTITIES: [Quantity; 6] = [
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
-        let hint = "Measures flicker, noise and other numbers in every frame, and shows them below. This uses shaders that record random choices, \
-                    so times differ from those of the normal shaders.";
+        let hint = "Measures flicker, noise and other numbers from frame to frame, and shows them below. This uses shaders that record random \
+                    choices, so times differ from those of the normal shaders.";
         ui.checkbox(on, "Measure").on_hover_text(hint);
-        let hint = "New frames do not change the numbers. If the settings of A or B change meanwhile, or time advances by more than one frame, \
-                    measuring starts again when you switch this off.";
+        let hint = "Keeps the numbers as they are, unless the size of the picture changes. When you switch this off, measuring starts again if the \
+                    settings of A or B have changed, or if time has advanced by more than one frame.";
         ui.checkbox(frozen, "Freeze").on_hover_text(hint);
-        if ui.button("Restart").on_hover_text("Discards the frames measured so far and measures again").clicked() {
+        if ui.button("Restart").on_hover_text("Discards the results so far and starts to measure again").clicked() {
             *resets = resets.wrapping_add(1);
         }
         if ui
             .add_enabled(region.is_some(), egui::Button::new("Whole picture"))
             .on_hover_text("Removes the rectangle, so that the whole picture is measured")
-            .on_disabled_hover_text("The whole picture is measured. To measure a rectangle only, hold Ctrl and drag in the picture.")
+            .on_disabled_hover_text(format!("The whole picture is measured already. To measure a rectangle, hold {COMMAND} and drag in the picture."))
             .clicked()
         {
             *region = None;
@@ -69,9 +71,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let label = ui.label("Window");
-        let hint = "Number of frames, 2 to 1024, over which the numbers are averaged, approximately: older frames count exponentially less. Until a \
-                    surface point has been visible for that many frames, all its frames have the same weight; from then on, the newest frame has \
-                    the weight 1 / this number.";
+        let hint = "About how many past frames count in the numbers, 2 to 1024. At first, all frames in which a surface point was visible have the \
+                    same weight. After this number of frames, older frames count exponentially less.";
         let slider = Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames");
         ui.add(slider).labelled_by(label.id).on_hover_text(hint);
     });
@@ -105,7 +106,7 @@ fn table(last: &Reading, ui: &mut Ui) {
         }
         ui.end_row();
         ui.label("Frames").on_hover_text(
-            "Median over pixels: number of frames for which the surface point has been followed, at most the length of the window",
+            "Number of frames for which surface points have been followed, at most the length of the window. This is the median over the pixels.",
         );
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| format!("{:.0}", s.frames)));

@@ -1,4 +1,4 @@
-//! The panels of the window. A panel is a function that draws into a `Ui`. Its arguments are the model and, for some panels, the state of the panel.
+//! The panels of the window. A panel is a function that draws into a `Ui`. Most panels also take the model, and some take a state of their own.
 
 pub(crate) mod brush;
 pub(crate) mod compare;
@@ -25,6 +25,12 @@ use machine::MachinePanel;
 
 use crate::model::panes::Pane;
 use crate::model::state::Model;
+
+/// Name of the modifier key of shortcuts on this system.
+pub(crate) const COMMAND: &str = if cfg!(target_os = "macos") { "Cmd" } else { "Ctrl" };
+
+/// The tooltip of a disabled button that needs a camera pose.
+const NO_CAMERA: &str = "The camera pose is not known yet: wait for the next picture";
 
 /// The states of those panels whose state is not a part of the model. These states do not depend on the scene.
 #[derive(Default)]
@@ -62,7 +68,8 @@ impl Panels {
     }
 }
 
-/// Shows a labelled drop-down list. `items` are the values with their names and tooltips; an empty tooltip is not shown.
+/// Shows a labelled drop-down list. `shown` is the name of the current value. `items` are the values with their names and tooltips; an empty tooltip
+/// is not shown.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {
     let text = ui.label(label);
     let combo = ComboBox::from_id_salt(label).selected_text(shown).show_ui(ui, |ui| {
@@ -109,10 +116,11 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     let button = ui.add_enabled(changed, Button::new("Reset").small());
     button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
     let why = match usual {
-        Some(_) => "The value is the original one: that of the scene file or, for a setting outside the scene, the default",
-        None => "There is no original value, because the material was added or renamed in the workbench",
+        Some(_) => "The value is the original one already",
+        None => "There is no original value: the scene as it was opened or last saved does not have this material",
     };
-    let hint = "Restores the original value: that of the scene file or, for a setting outside the scene, the default";
+    let hint = "Restores the original value. For a value of the scene, it is the value when the scene was opened or last saved; for other values, \
+                it is the default.";
     if button.on_hover_text(hint).on_disabled_hover_text(why).clicked()
         && let Some(usual) = usual
     {
@@ -126,7 +134,7 @@ pub(crate) fn from_here() -> String {
     format!("A relative file path starts at {here}")
 }
 
-/// Shows the result or the error of an action on `what`. Scrolls to a new result.
+/// Shows the result or the error of the last action in a part of a panel, and scrolls to it if it is new. `what` names that part.
 pub(crate) fn outcome(ui: &mut Ui, what: &str, said: Option<&Result<String, String>>) {
     let id = ui.scope_id().with(("outcome", what));
     let Some(said) = said else {

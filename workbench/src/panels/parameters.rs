@@ -23,7 +23,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         control(ui, &SCALE, &mut model.settings, |_| "");
         reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    // This loop shows the numbers of a frame and all settings of its stages. The panel *Variants* shows the other settings of a frame.
+    // This loop shows numbers of a frame and the settings of its stages. The panel *Variants* shows the other settings of a frame that the workbench
+    // has.
     let numbers_of_frame = own_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_)));
     for setting in numbers_of_frame.chain(stage_settings()) {
         let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };
@@ -59,10 +60,9 @@ fn row(model: &mut Model, ui: &mut Ui, setting: &Setting<Scene>, ends: Ends) {
     else {
         return;
     };
-    let hint =
-        format!("{}\n`{}` in a scene or an experiment: {}. The original value is {usual}.", setting.about, setting.key, setting.kind);
-    let label = ui.label(setting.label()).on_hover_text(&hint);
     let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
+    let hint = format!("{}\nKey: `{}`. Accepted: {}. The original value is {usual}{suffix}.", setting.about, setting.key, setting.kind);
+    let label = ui.label(setting.label()).on_hover_text(&hint);
     let [least, most] = ends.ends;
     ui.add(
         Slider::new(value, least..=most).logarithmic(ends.logarithmic).clamping(egui::SliderClamping::Never).suffix(suffix).max_decimals(3),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use eframe::egui::{Button, TextEdit, Ui};
 
-use super::{from_here, outcome};
+use super::{NO_CAMERA, from_here, outcome};
 use crate::model::places::{Place, Recorded, Recording};
 use crate::model::state::{Clock, Model};
 use crate::model::viewpoint::Viewpoint;
@@ -18,7 +18,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Place name");
         ui.add(TextEdit::singleline(&mut model.places.name).desired_width(FIELD).hint_text("of the next place or path"))
             .labelled_by(label.id);
-        if ui.add_enabled(pose.is_some(), Button::new("Keep this place")).clicked()
+        let keep = ui.add_enabled(pose.is_some(), Button::new("Keep this place"));
+        if keep.on_disabled_hover_text(NO_CAMERA).clicked()
             && let Some(pose) = pose
         {
             let name = std::mem::take(&mut model.places.name);
@@ -37,7 +38,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Path file");
         let field = TextEdit::singleline(&mut model.places.file).desired_width(FIELD).hint_text("path.csv");
         ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a .csv file. {}", from_here()));
-        let hint = "Reads the file named in `Path file`: a table with one camera pose per frame, as written by `Write ... to a file`";
+        let hint =
+            "Reads the file named in `Path file`: a table with one camera pose per frame, as the button `Write NAME to a file` writes it";
         if ui.button("Read path").on_hover_text(hint).clicked() {
             model.places.said = Some(model.places.read());
         }
@@ -50,7 +52,7 @@ fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
         let [x, y, z] = place.pose.position.to_array();
         let hint = format!("{x:.1} m east and {y:.1} m north of the centre of the world, elevation {z:.1} m");
         if ui.button(format!("Go to {}", place.name)).on_hover_text(hint).clicked() {
-            // Stop walking, because it would move the camera down to the ground.
+            // Stop walking, because walking would move the camera down to the ground.
             model.flight.walking = false;
             model.fly(place.pose);
         }
@@ -68,7 +70,8 @@ fn record(model: &mut Model, ui: &mut Ui) {
             if ui.button("Record path").on_hover_text(hint).clicked() {
                 model.places.recording = Some(Recording::default());
                 model.places.said = None;
-                // Begin at frame 0, because a replay begins there, too. Noise depends on the frame number, so the replay shows the recorded pictures.
+                // Begin at frame 0, because a replay also begins at frame 0. Noise depends on the frame number, so each pose is replayed with the
+                // noise of its recording.
                 model.clock = Clock { frame: 0, ..model.clock };
             }
             return;

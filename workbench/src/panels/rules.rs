@@ -1,4 +1,4 @@
-//! The panel *Rules*: the splat rules, which assign a material to each place before strokes are applied.
+//! The panel *Rules*: the splat rules, which assign a material to each place that is not covered by a splat stroke.
 
 use eframe::egui::{self, Button, CollapsingHeader, DragValue, Role, Ui, WidgetInfo};
 use kernels::scene::Rule;
@@ -59,7 +59,7 @@ enum Wanted {
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
-    ui.label("At each place, the rule with the largest weight assigns its material. If two weights are equal, the later rule wins.");
+    ui.label("At each place, the rule with the largest weight assigns its material. If two weights are equal, the later rule wins. If all weights are 0, the first rule wins.");
     buttons(model, ui);
     ui.separator();
     let names: Vec<String> = model.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
@@ -70,14 +70,14 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let number = i + 1;
         CollapsingHeader::new(format!("Rule {number}: {}", rule.material)).id_salt(("rule", i)).show(ui, |ui| {
             ui.horizontal_wrapped(|ui| {
-                for (able, text, name, what) in [
-                    (i > 0, "Move up", format!("Move rule {number} up"), Wanted::Up),
-                    (number < count, "Move down", format!("Move rule {number} down"), Wanted::Down),
-                    (count > 1, "Remove", format!("Remove rule {number}"), Wanted::Gone),
+                for (able, text, name, what, why) in [
+                    (i > 0, "Move up", format!("Move rule {number} up"), Wanted::Up, "This is the first rule"),
+                    (number < count, "Move down", format!("Move rule {number} down"), Wanted::Down, "This is the last rule"),
+                    (count > 1, "Remove", format!("Remove rule {number}"), Wanted::Gone, "A scene needs at least one rule"),
                 ] {
                     let button = ui.add_enabled(able, Button::new(text));
                     button.widget_info(|| WidgetInfo::labeled(Role::Button, able, &name));
-                    if button.clicked() {
+                    if button.on_disabled_hover_text(why).clicked() {
                         wanted = Some((i, what));
                     }
                 }
@@ -99,14 +99,15 @@ fn buttons(model: &mut Model, ui: &mut Ui) {
         let rules = &mut model.settings.scene.rules;
         let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
         let hint =
-            "Adds a copy of the last rule. It has no effect until you edit it, unless the rule has noise: the noise of the copy differs.";
-        if add.on_hover_text(hint).clicked() {
+            "Adds a copy of the last rule. A copy without noise has no effect until you edit it. A copy with noise has other noise patches.";
+        if add.on_hover_text(hint).on_disabled_hover_text("There is no rule to copy").clicked() {
             let last = rules.last().cloned();
             rules.extend(last);
         }
         let changed = *rules != model.original.rules;
         let reset = ui.add_enabled(changed, Button::new("Reset rules"));
-        if reset.on_hover_text("Restores the rules of the scene file").clicked() {
+        let reset = reset.on_hover_text("Restores the rules as they were when the scene was opened or last saved");
+        if reset.on_disabled_hover_text("The rules are as they were when the scene was opened or last saved").clicked() {
             model.rules.said = match usual_rules(&model.settings.scene, &model.original) {
                 Ok(rules) => {
                     model.settings.scene.rules = rules;
@@ -133,13 +134,12 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
     band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
     band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
-    let hint =
-        "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = no noise, so the rule applies everywhere within its bands";
+    let hint = "Size of the patches of noise to which the rule is limited, 0 to 100000 m. 0: no noise, so the rule applies everywhere within its bands.";
     let label = ui.label(format!("Rule {number} noise"));
     value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
     if rule.noise_m > 0.0 {
-        let hint = "Share of the ground that the noise patches cover, 0 to 1. The default in a scene file is 0.5.";
+        let hint = "Approximate share of the ground that the noise patches cover, 0 to 1. The default in a scene file is 0.5.";
         let label = ui.label(format!("Rule {number} cover"));
         value(ui, &mut rule.noise_cover, [0.0, 1.0], 0.01, "").labelled_by(label.id).on_hover_text(hint);
         ui.end_row();

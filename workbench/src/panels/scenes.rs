@@ -20,7 +20,8 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
     let menu = ui.menu_button("Scene", |ui| {
         let idle = model.scenes.dialog.is_none();
         let open = ui.add_enabled(idle, Button::new("Open..."));
-        if open.on_hover_text("Opens a dialog to choose the .toml file of a scene. You can also drop a file on the window.").clicked() {
+        let hint = "Opens a dialog to choose the .toml file of a scene. You can also drop a file on the window.";
+        if open.on_hover_text(hint).on_disabled_hover_text("The dialog is already open").clicked() {
             let folder = given.as_deref().and_then(|name| Path::new(name).parent()).map(Path::to_owned);
             model.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
             ui.close();
@@ -30,8 +31,8 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
             ui.close();
         }
         let reload = ui.add_enabled(given.is_some(), Button::new("Reload scene"));
-        let hint = "Reloads the scene file and all files that it names. This discards edits; undo restores them.";
-        if reload.on_hover_text(hint).clicked() {
+        let hint = "Reads the scene file again, and also the files that it names. Edits are discarded, but undo restores them.";
+        if reload.on_hover_text(hint).on_disabled_hover_text("The current scene is not from a file").clicked() {
             // An error is shown as a note.
             let _ = model.reload(ui.ctx());
             ui.close();
@@ -56,7 +57,7 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// Opens a scene. Errors are shown as notes, and the window asks about unsaved edits.
+/// Opens a scene. An error is shown as a note. If there are unsaved edits, the window asks first.
 fn open(model: &mut Model, name: &str) {
     let _ = model.open(name);
 }
@@ -100,15 +101,21 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
 /// If an action that would discard unsaved edits is pending, asks the user whether to continue.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
-    let (then, yes) = match &waiting {
-        Waiting::Open(name) => (format!("opening {name} discards them, and undo cannot restore them"), "Open without saving"),
-        Waiting::Close => ("closing the window discards them".to_owned(), "Close without saving"),
+    let (then, yes, hint) = match &waiting {
+        Waiting::Open(name) => (
+            format!("if {name} can be loaded, they are lost, and undo cannot restore them"),
+            "Open without saving",
+            "Opens the other scene without saving this one. If the other scene can be loaded, the edits are lost.",
+        ),
+        Waiting::Close => {
+            ("closing the window discards them".to_owned(), "Close without saving", "Closes the window without saving. The edits are lost.")
+        }
     };
     egui::Panel::top("unsaved").show(ui, |ui| {
         let text = format!("`{}` has materials, rules or strokes that are not saved in a file: {then}.", model.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
-            if ui.button(yes).on_hover_text("Continues without saving, and discards the edits").clicked() {
+            if ui.button(yes).on_hover_text(hint).clicked() {
                 match &waiting {
                     // An error is shown as a note.
                     Waiting::Open(name) => drop(model.open_anyway(name)),
@@ -117,7 +124,7 @@ pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
             }
             if ui
                 .button("Keep this scene")
-                .on_hover_text("Cancels. You can then save the scene with `Save scene as...` in the panel Materials.")
+                .on_hover_text("Keeps the scene and its edits. You can then save it with `Save scene as...` in the panel Materials.")
                 .clicked()
             {
                 model.scenes.waits = None;

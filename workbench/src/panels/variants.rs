@@ -47,7 +47,7 @@ fn timed(report: &FrameReport) -> Vec<Timed> {
 /// Prefix of the names of passes that shade with one kernel: a variant or the generic kernel.
 pub(super) const PASS: &str = "shading: ";
 
-/// Number of fetches per pixel that a variant should take with the current estimator.
+/// Number of fetches that a pixel should take with the current estimator if it needs all flavours of a variant.
 fn promised(settings: &Settings, variant: Variant) -> u32 {
     settings.frame.estimator.promised_fetches_of(variant)
 }
@@ -56,13 +56,13 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         if ui
             .selectable_label(model.settings.frame.variant.is_none(), "Automatic")
-            .on_hover_text("Each tile runs the variant that its pixels need (key 0)")
+            .on_hover_text("Each tile runs the variant that its pixels need. Key: 0.")
             .clicked()
         {
             model.settings.frame.variant = None;
         }
         ui.checkbox(&mut model.settings.frame.generic, "Generic kernel").on_hover_text(
-            "One shader that reads the flavours of each tile at run time; the baseline for the 31 specialised shaders (key G)",
+            "Uses one shader that reads the flavours of each tile at run time. It is the baseline for the 31 specialised shaders. Key: G.",
         );
     });
     ui.separator();
@@ -72,7 +72,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             let on = model.settings.frame.variant.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
             let hint = format!(
-                "{} (key {key}). Expected fetches per pixel with the current estimator, without those for colour modulation and a second tiling: {}.",
+                "{}. Key: {key}. Expected fetches per pixel with the current estimator, without those for colour modulation and a second tiling: {}.",
                 about(flavour),
                 model.settings.frame.estimator.promised_fetches(flavour)
             );
@@ -128,13 +128,13 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
     let settings = &shown.wish.settings;
     egui::Grid::new("times of variants").num_columns(6).striped(true).show(ui, |ui| {
         for (name, about) in [
-            ("Variant", "Shader variants that ran on at least one tile, the slowest first; `generic`: the generic kernel, on all tiles"),
+            ("Variant", "The shaders that ran on at least one tile, the longest time first: variants or, as `generic`, the generic kernel"),
             ("Tiles", "Number of tiles of 8 x 8 pixels"),
-            ("Share", "Number of tiles as a share of all tiles that show terrain"),
+            ("Share", "The number of tiles as a share of all tiles that show terrain"),
             (
                 "Fetches",
                 "Expected fetches of a pixel that needs all flavours of the variant, without those for colour modulation and a second tiling. \
-                 `-`: the number differs from tile to tile.",
+                 `-`: the generic kernel runs, and the number differs from tile to tile.",
             ),
             ("ms", "Time of the pass that shades these tiles, as measured by the device, milliseconds"),
             ("ns a tile", "Time of the pass divided by the number of tiles, nanoseconds"),
@@ -195,24 +195,26 @@ const fn about(flavour: Flavour) -> &'static str {
     match flavour {
         Flavour::VirtualTexture => "Virtual texture: materials blended as seen from above, and cached in pages",
         Flavour::FarAtlas => "Albedo and normal baked into the data of the terrain quadtree",
-        Flavour::NearCliff => "Three projections; with the estimator fc5, one random material each",
-        Flavour::FarCliff => "Two tilings; with the estimator fc5, one random projection and material each",
-        Flavour::Splat => "Three projections of four materials; with the estimator fc5, all blended",
+        Flavour::NearCliff => "Three projections. With the estimator fc5, each of them has one material, which is chosen at random",
+        Flavour::FarCliff => {
+            "Two tilings. With the estimator fc5, each of them has one projection and one material, which are chosen at random"
+        }
+        Flavour::Splat => "Three projections of four materials. With the estimator fc5, all of them are blended",
     }
 }
 
 /// The tooltip of an estimator.
 fn of_estimators(name: &str) -> &'static str {
     match name.parse() {
-        Ok(Estimator::Fc5) => "As in Far Cry 5: cliffs choose one material at random per projection or tiling, splat blends all",
+        Ok(Estimator::Fc5) => "The method of Far Cry 5: cliffs take materials that are chosen at random, full splat blends all materials",
         Ok(Estimator::Exact) => "The exact blend: the mean of fc5 over all its random choices",
         Ok(Estimator::Biplanar) => "fc5 with the two projections that the surface faces most, instead of three",
-        Ok(Estimator::Hex) => "fc5 with textures tiled by hexagons in place of the second tiling; this hides repetition",
+        Ok(Estimator::Hex) => "fc5 with textures that are tiled by hexagons, which hides repetition, in place of the second tiling",
         Ok(Estimator::Stf) => "One texel of each texture: projection, material, tiling, mip level and texel are chosen at random",
         Ok(Estimator::Laplacian) => {
             "Two frequency bands of the textures: the coarse one blended smoothly, the fine one by height, so that details stay sharp"
         }
-        Ok(Estimator::Luna8) => "Eight materials seen from above, each blended over those before it",
+        Ok(Estimator::Luna8) => "Up to eight materials seen from above, each blended over those before it",
         Ok(Estimator::Snapped) => "Four materials in one projection: from above or, on steep ground, onto one of four vertical planes",
         Ok(Estimator::Variance | Estimator::BiplanarMean | Estimator::HexMean) | Err(_) => "",
     }
@@ -222,14 +224,13 @@ fn of_estimators(name: &str) -> &'static str {
 fn of_noises(name: &str) -> &'static str {
     match name.parse() {
         Ok(NoiseKind::HashedIsotropic) => {
-            "Fixed to the ground, in cells about as wide on the screen as `Noise cell` in Parameters says, equal along all axes (hashed alpha)"
+            "Hashed alpha: fixed to the ground, in cells with the same width along all axes. `Noise cell` in Parameters sets their approximate \
+             width on the screen."
         }
-        Ok(NoiseKind::HashedAnisotropic) => {
-            "Like `hashed`, but the cells have a size of their own along each axis (anisotropic hashed alpha)"
-        }
+        Ok(NoiseKind::HashedAnisotropic) => "Anisotropic hashed alpha: like `hashed`, but the width of the cells differs from axis to axis",
         Ok(NoiseKind::WhiteScreen) => "White noise on the screen, new in every frame",
-        Ok(NoiseKind::WhiteWorld) => "Fixed to the ground, in cells of 6.25 cm everywhere in the world",
-        Ok(NoiseKind::InterleavedGradient) => "Regular pattern on the screen (interleaved gradient noise), new in every frame",
+        Ok(NoiseKind::WhiteWorld) => "White noise that is fixed to the ground, in cells that are usually 6.25 cm wide at any distance",
+        Ok(NoiseKind::InterleavedGradient) => "Interleaved gradient noise: a regular pattern on the screen, new in every frame",
         Ok(NoiseKind::Blue) => "Blue noise on the screen, the same in every frame unless the seed changes: fine grain without blotches",
         Ok(NoiseKind::SpatioTemporalBlue) => {
             "Blue noise on the screen and over time, new in every frame: fine grain that averages out quickly over frames"

@@ -136,7 +136,7 @@ fn cut_out(looking: &Looking, width: f32) -> Rect {
     Rect::from_center_size(pos2(middle(0, size.x), middle(1, size.y)), size)
 }
 
-/// Shows the line between A and B. Returns whether it is being dragged.
+/// Shows the line between A and B in the mode *Wipe*. Returns whether the line is being dragged.
 fn wipe(model: &mut Model, ui: &Ui, rect: Rect) -> bool {
     if model.compare.mode != Mode::Wipe || model.textures[1].is_none() {
         return false;
@@ -193,7 +193,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
                 frozen.on_hover_text(
-                    "The terrain nodes and patches drawn are those of the view in which culling was frozen. Key C ends this.",
+                    "Terrain nodes and patches are selected for the camera pose at which culling was frozen. Key C unfreezes it.",
                 );
             }
             if let Some(legend) = legend {
@@ -203,7 +203,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
     }
 }
 
-/// Shows the loupe: A and B under the pointer, magnified.
+/// Shows the loupe: A and, if it is drawn, B under the pointer, magnified.
 fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
     let Some(pointer) = response.hover_pos().filter(|_| model.looking.loupe) else { return };
     let Some(part) = parts.iter().find(|part| part.clip.contains(pointer)) else { return };
@@ -220,7 +220,7 @@ fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
     }
 }
 
-/// Handles a drag with Ctrl, which selects the rectangle to measure. Returns whether a rectangle is being drawn.
+/// Handles a drag with Ctrl (on macOS, with Cmd). It selects the rectangle to measure. Returns whether a rectangle is being drawn.
 fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part]) -> bool {
     if response.drag_started() {
         model.looking.measures = ui.input(|i| i.modifiers.command);
@@ -238,7 +238,7 @@ fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: 
     true
 }
 
-/// Paints with the brush, and shows its ring on the ground. `may_begin` = a drag or click that begins now may paint.
+/// Paints with the brush, and shows its ring on the ground. `may_begin`: whether a drag or click that begins now paints.
 fn paint(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
     let Some(shown) = model.shown_here().cloned().filter(|_| model.brush.paints) else { return };
     let primary = egui::PointerButton::Primary;
@@ -335,15 +335,15 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
     choose(ui, "View", &mut model.viewpoint, &name, all)
-        .on_hover_text("Cameras and paths of the scene. If you move or turn the camera, it becomes a free camera.");
+        .on_hover_text("Cameras and paths of the scene. If you move or turn the view, you change to a free camera.");
     let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
     let shown = model.settings.layer.name();
     choose(ui, "Layer", &mut model.settings.layer, shown, all);
     ui.checkbox(&mut model.flight.walking, "Walk")
-        .on_hover_text("Keeps a free camera 1.7 m above the ground; cameras and paths of the scene keep their height (key F)");
+        .on_hover_text("Keeps a free camera 1.7 m above the ground. Cameras and paths of the scene keep their heights. Key: F.");
     let mut orbits = model.flight.orbit != Orbit::Off;
-    let hint = "Orbits the place under the inspected pixel, or else in the middle of the picture (key O). A drag turns the camera about this \
-                place, the wheel moves it closer or farther away, and W A S D Q E move the camera together with the orbited place.";
+    let hint = "Orbits the place at the inspected pixel or, if there is none, in the middle of the picture. A drag turns the camera about this \
+                place. The wheel moves the camera closer or farther away. W A S D Q E move the camera and the place together. Key: O.";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
         model.orbit(orbits);
     }
@@ -355,16 +355,16 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
         }
         None => {
             ui.label(format!("{:.3} m/s", model.flight.speed_m_s))
-                .on_hover_text("Speed at which the keys W A S D Q E move the camera. The wheel over the picture changes it.");
+                .on_hover_text("Speed at which the keys W A S D Q E move the camera without Shift. The wheel over the picture changes it.");
         }
     }
     let frozen = model.culled_from.is_some();
     let able = frozen || model.pose().is_some();
     let button = ui.add_enabled(able, egui::Button::new("Freeze culling").selected(frozen));
     button.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, able, frozen, "Freeze culling"));
-    let hint = "Freezes or unfreezes culling (key C). While it is frozen, the terrain nodes and patches of the view at that moment are drawn, so \
-                that you can see from elsewhere what culling removes.";
-    if button.on_hover_text(hint).clicked() {
+    let hint = "Freezes or unfreezes culling. While it is frozen, terrain nodes and patches are selected for the camera pose at which you froze \
+                it, so that you can see from elsewhere what culling removes. Key: C.";
+    if button.on_hover_text(hint).on_disabled_hover_text(super::NO_CAMERA).clicked() {
         model.freeze_culling();
     }
 }

@@ -91,7 +91,7 @@ impl Flight {
     }
 }
 
-/// The counts of the flight in the output of `--json`. They are exact, so they have no interval.
+/// The counts of the flight in the output of `--json`. They are not estimates, so they have no interval.
 #[derive(Serialize)]
 pub(super) struct Figures {
     pictures: u32,

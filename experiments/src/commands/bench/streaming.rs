@@ -18,9 +18,10 @@ const FRAMES_PER_SECOND: f64 = 30.0;
 /// The flight is divided into this many equal parts, each of 1 km. The lag ([`Lag`]) is given for each part.
 const PARTS: usize = 10;
 /// The simulated schedules: first the defaults of the settings `frame.nodes_per_frame` and `frame.latency`. The payload of a node has 72 419 bytes,
-/// so 8 nodes per frame are at most 17 MB/s, and 1 node per frame is at most 2.2 MB/s.
+/// so at 30 frames per second, 8 nodes per frame are at most 17.4 MB/s, and 1 node per frame is at most 2.2 MB/s.
 const SCHEDULES: [Schedule; 2] = [Schedule { nodes_per_frame: 8, latency_frames: 8 }, Schedule { nodes_per_frame: 1, latency_frames: 30 }];
-/// Largest number of frames that are simulated after a teleport. A view needs at most 512 nodes, so even the slower schedule needs fewer frames.
+/// Largest number of frames that are simulated after a teleport. A view needs at most 512 nodes, so even the slower schedule should need fewer
+/// frames.
 const LONGEST: u32 = 1000;
 
 /// The lag over the frames of one part of the flight.
@@ -41,13 +42,13 @@ pub(super) struct Streamed {
     latency_frames: u32,
     /// Number of frames of the flight and after the teleport.
     frames: u32,
-    /// Number of these frames in which a sector of the ground is not drawn, or is drawn twice.
+    /// Number of these frames in which a sector of the ground is not drawn, or is drawn more than once.
     broken: u32,
     /// The lag in each kilometre of the flight.
     lag: Vec<Part>,
     /// The share of the ground that is drawn coarser than wanted in the first frame after a teleport from the end of the flight to its start.
     teleport_share: f64,
-    /// Number of frames after the teleport until all wanted nodes are drawn.
+    /// Number of frames after the first one of the teleport until all wanted nodes are drawn; at most `LONGEST`.
     teleport_frames: u32,
 }
 

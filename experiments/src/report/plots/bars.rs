@@ -11,10 +11,11 @@ use super::{GREY, GRID, INK, Rgb, WIDTH, failed, inline, rgb, text};
 use crate::report::html;
 use crate::report::numbers::number;
 
-/// Fill colours of the parts of a bar, in order. They are distinguishable for colour-blind readers (Okabe and Ito 2008, *Color Universal Design*).
+/// Fill colours of the parts of a bar, in order. They are repeated if there are more parts. They are distinguishable for colour-blind readers (Okabe
+/// and Ito 2008, *Color Universal Design*).
 const BAR_COLOURS: [Rgb; 6] = [(86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (0, 114, 178), (204, 121, 167)];
 
-/// The passes of a frame in the order in which bars show them. Other timed passes come after these.
+/// Passes of a frame in the order in which bars show them. Other timed passes come after these.
 const PASSES: [&str; 6] = ["geometry", "occlusion", "classification", "page requests", "shading", "lighting"];
 
 /// Draws the times of passes as a figure with a legend. Each row has a name and the milliseconds of its passes.
@@ -36,8 +37,8 @@ pub(crate) fn passes(rows: &[(String, BTreeMap<String, f64>)], software: bool) -
     Ok(html::figure(svg, &legend))
 }
 
-/// Draws a stacked bar for each name. Its parts are the times of the passes, in order and with the colours of [`BAR_COLOURS`]. Returns `None` if
-/// there are no times.
+/// Draws a stacked bar for each name. The parts of a bar are the times of the passes, in order and with the colours of [`BAR_COLOURS`]. Returns
+/// `None` if no time is above 0.
 ///
 /// # Errors
 /// The drawing backend fails.

@@ -1,4 +1,4 @@
-//! Places the labels of a plot so that they do not hide each other.
+//! Places the labels of a plot so that they hide each other as little as possible. Optional labels for which there is no room are left out.
 
 use anyhow::Result;
 use plotters::coord::Shift;
@@ -58,9 +58,9 @@ pub(super) struct Placed {
     leader: Option<[(i32, i32); 2]>,
 }
 
-/// Places the texts one after another. For each text, several places near its point are compared, and the place with the smallest cost is
-/// taken. These faults of a place have a cost: the text leaves the plot, hides another text, hides a point, hides a part of `line`, or is
-/// far from its point. The first three cost the most, in this order.
+/// Places the texts one after another. For each text, several places near its point are compared, and the place with the smallest cost is taken.
+/// These faults of a place have a cost, from the most to the least serious: the text leaves `frame` (the area of the plot), hides another text, hides
+/// one of `points`, or hides a part of `line`. A long distance from its own point has a small cost, too.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();

@@ -13,7 +13,7 @@ pub(crate) struct CurvePoint {
     pub(crate) x: f64,
     /// Position on the vertical axis.
     pub(crate) y: f64,
-    /// Half-width of the confidence interval of `y`; 0 = unknown.
+    /// Half-width of the confidence interval of `y`; 0 = unknown, or the value is exact.
     pub(crate) half: f64,
     /// Tooltip of the point, and a link to the table row of its choice.
     pub(crate) hint: Option<Hint>,
@@ -31,7 +31,7 @@ pub(crate) struct Curve {
 /// A plot of curves that takes half the width of the page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lines<'a> {
-    /// Description of the plot, which is also read by screen readers.
+    /// Description of the plot for screen readers.
     pub(crate) title: &'a str,
     /// Title of the horizontal axis.
     pub(crate) x_title: &'a str,
@@ -65,7 +65,8 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let (x_low, x_high) = range(&mut all().map(|p| p.x));
     let baseline = plot.baseline.map(|b| b.0).filter(|b| !plot.y_logarithmic || *b > 0.0);
     // A linear vertical axis also covers confidence intervals, but it is limited, because otherwise a single very large interval would flatten the
-    // curves. Apart from a margin, it extends beyond the values by at most their range, or by half of the largest value if that is more.
+    // curves. Apart from a margin and a start at 0, it extends beyond the values by at most their range, or by half of the largest value if that is
+    // more.
     let (y_low, y_high) = range(&mut all().map(|p| p.y).chain(baseline));
     let (reach_low, reach_high) = range(&mut all().flat_map(|p| [p.y - p.half, p.y + p.half]));
     let room = (y_high - y_low).max(0.5 * y_high.abs());
@@ -84,7 +85,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
         Scale::new(y_low / 1.3, y_high * 1.3, true)
     } else {
         // The axis normally starts at 0. If there are negative values, or if all values are far from 0 relative to their differences, it starts
-        // slightly below the smallest value.
+        // slightly below the smallest value or interval that is shown.
         let low = reach_low.max(y_low - room);
         let high = reach_high.min(y_high + room).max(y_high);
         let from = if low < 0.0 || low > 0.7 * high { low - 0.08 * (high - low).max(0.02 * high.abs()) } else { 0.0 };

@@ -108,8 +108,7 @@ impl Scale {
     }
 }
 
-/// Makes a scale usable as an axis of plotters. The axis is linear in the positions of the scale and has the ticks of the scale. (plotters has a
-/// combinator that sets ticks, but it does not support formatted labels on a plain axis.)
+/// Makes a scale usable as an axis of plotters. The axis is linear in the positions of the scale and has the ticks of the scale.
 impl Ranged for Scale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -172,7 +171,8 @@ fn ticks(from: f64, to: f64) -> Vec<f64> {
     decades.flat_map(|d| steps.iter().map(move |k| k * 10f64.powi(d))).filter(|t| (from..=to).contains(t)).collect()
 }
 
-/// Returns about `count` evenly spaced ticks within the range. Their distance is 1, 2 or 5 times a power of ten.
+/// Returns evenly spaced ticks within the range, usually about `count`. Their distance is 1, 2 or 5 times a power of ten. If the range is empty, the
+/// only tick is `from`.
 fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let rough = (to - from) / f64::from(count.max(1));
     if !(rough > 0.0 && rough.is_finite()) {

@@ -1,4 +1,4 @@
-//! Draws plots of cost against error. Each choice is a point, and a line connects the points of the Pareto front.
+//! Draws plots of cost against error. Each choice with a known cost and error is a point, and a line connects the points of the Pareto front.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement};
@@ -19,10 +19,9 @@ pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\">
     <span class=\"entry\"><span class=\"key front\"></span>Pareto front (the table names the points without a label)</span>";
 
 /// If a plot has more points than this, only the labels of points on the Pareto front are always shown. Other labels are shown if there is room.
-/// Combinations of flavours that are not on the front never have a label.
 const MANY: usize = 40;
 
-/// The shape, size and colour of a point.
+/// The shape, the size and the default colour of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Marker {
     /// A large filled dot in the accent colour.
@@ -67,17 +66,17 @@ pub(crate) struct Point {
     pub(crate) label: String,
     /// The group of the point. Points of one group that are close together share a label.
     pub(crate) group: String,
-    /// Cost. Points whose cost is not above 0 are not drawn.
+    /// Cost. Points whose cost is not a finite number above 0 are not drawn.
     pub(crate) x: f64,
-    /// Error, or added change.
+    /// Error, or added change. Points for which it is not finite are not drawn.
     pub(crate) y: f64,
-    /// Half-widths of the confidence intervals of cost and error; 0 = unknown.
+    /// Half-widths of the confidence intervals of `x` and `y`; 0 = unknown, or the value is exact.
     pub(crate) half: [f64; 2],
     /// How the point is drawn.
     pub(crate) marker: Marker,
     /// Colour of the point; `None` = the colour of its marker.
     pub(crate) colour: Option<Rgb>,
-    /// Whether the point is on the Pareto front. Points on the front are labelled and connected by the line.
+    /// Whether the point is on the Pareto front. The line connects the points on the front.
     pub(crate) front: bool,
     /// Tooltip of the point, and a link to the table row of the choice.
     pub(crate) hint: Option<Hint>,
@@ -124,8 +123,8 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
         let order = [Marker::Combination, Marker::Flavour, Marker::Auto, Marker::Generic];
         let in_order = || order.into_iter().flat_map(|marker| points.iter().zip(&at).filter(move |(p, _)| p.marker == marker));
         for (point, centre) in in_order() {
-            // If points of one group have different colours but the same position, only the colour that is drawn last would be visible. Such points
-            // are drawn in the colour of their marker instead.
+            // If points with the same group, marker and position have different colours, only the colour that is drawn last would be visible. Such
+            // points are drawn in the colour of their marker instead.
             let shared = points.iter().zip(&at).any(|(other, place)| {
                 let near = (place.0 - centre.0).abs() <= 1 && (place.1 - centre.1).abs() <= 1;
                 near && other.group == point.group && other.marker == point.marker && other.colour != point.colour
@@ -160,7 +159,8 @@ fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f6
     start.into_iter().chain(inner).chain(end)
 }
 
-/// Returns the labels of points, in descending order of importance. Points that are close together share a label.
+/// Returns the labels of points, in descending order of importance. Points that are close together share a label. A combination of flavours has a
+/// label only if it is on the front.
 fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     let many = points.len() > MANY;
     let rank = |p: &Point| match p.marker {

@@ -32,7 +32,7 @@ struct Candidate<'a> {
 }
 
 impl Candidate<'_> {
-    /// The name with part and layer, as the option --channel expects it.
+    /// The name with part and layer, which the option --channel accepts.
     fn full_name(&self) -> String {
         let Candidate { part, channel } = self;
         one_line(&if part.name.is_empty() { channel.name.clone() } else { format!("{}.{}", part.name, channel.name) })
@@ -54,11 +54,8 @@ impl Candidate<'_> {
     }
 }
 
-/// Reads the channel that contains the heights. This is the channel that the user names, or else the one whose part, layer or name says so.
-/// Otherwise it is the only channel apart from alpha, or the only luminance, depth or value in a file without colours. If red, green and
-/// blue are the only channels apart from alpha, and are equal in all pixels, red is read. In all other cases, the file is refused with the
-/// list of its channels.
-/// A sample has no data where the alpha of its part and layer is 0, unless the options contain [`NoData::Nothing`].
+/// Reads the channel that contains the heights: the channel that the user names or, if the user names none, the one that [`found`] returns.
+/// Samples are marked as transparent where the alpha of the same part and layer is 0. If the options contain [`NoData::Nothing`], alpha is ignored.
 pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let parts = openexr::read(input, MAX_SIDE)?;
     let all: Vec<Candidate<'_>> =
@@ -119,16 +116,17 @@ pub(super) fn read(input: impl BufRead + Seek, options: &ReadOptions) -> Result<
     })
 }
 
-/// The alpha channel that belongs to a channel: the one of the same part and layer.
+/// The alpha channel that belongs to a channel: the one of the same part and layer. `None` if there is none.
 fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a>> {
     let belongs = |other: &Candidate<'a>| std::ptr::eq(other.part, of.part) && other.channel.layer() == of.channel.layer();
     all.iter().copied().find(|other| other.channel.is_alpha() && belongs(other) && !std::ptr::eq(other.channel, of.channel))
 }
 
-/// Marks the samples of a window where alpha is 0; empty if it is 1 everywhere.
+/// Marks the samples of a window where `alpha` is 0. The list is empty if there are none. `name`: the name of the alpha channel, for messages.
 ///
 /// # Errors
-/// The alpha of a sample is neither 0 nor 1. The other channels of an OpenEXR file are multiplied by alpha, so a height would be wrong there.
+/// The alpha of a sample is neither 0 nor 1, apart from rounding. By convention, the other channels of an OpenEXR file are multiplied by alpha, so a
+/// height would be wrong there.
 fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<Vec<Option<Absent>>, Fault> {
     let is = |alpha: f32, value: f32| (alpha - value).abs() <= ALPHA_ROUNDING;
     if let Some((index, other)) = alpha.iter().enumerate().find(|&(_, &alpha)| !is(alpha, 0.0) && !is(alpha, 1.0)) {
@@ -144,7 +142,8 @@ fn transparent(alpha: &[f32], name: &str, [x, y, width, _]: [u32; 4]) -> Result<
     Ok(alpha.iter().map(|&alpha| is(alpha, 0.0).then_some(Absent::Transparent)).collect())
 }
 
-/// The part of the data window that the display window shows, as x, y (from the top left corner of the data window), width, height.
+/// The part of the data window that the display window shows, as x, y (from the top left corner of the data window), width, height. The result is
+/// an error if the data window does not cover the display window.
 fn shown(part: &Part, notes: &mut Vec<String>) -> Result<[u32; 4], Fault> {
     let (data, display) = (part.data_window, part.display_window);
     let offset = [0, 1].map(|axis| i64::from(display.position[axis]) - i64::from(data.position[axis]));
@@ -165,8 +164,8 @@ fn cropped(data: Window, display: Window) -> Fault {
     ))
 }
 
-/// The only channel with this name. The name is compared with the full names of the channels, then with the names without the part, then
-/// with the last components.
+/// The channel with this name, in upper or lower case. The name is compared with the full names of the channels, then with the names without the
+/// part, then with the last components. The first comparison that finds a channel counts. If it finds several, the result is an error.
 fn named<'a>(all: &[Candidate<'a>], name: &str) -> Result<Candidate<'a>, Fault> {
     let same = |other: &str| other.eq_ignore_ascii_case(name);
     let ways: [&dyn Fn(&Candidate<'_>) -> bool; 3] =
@@ -191,7 +190,14 @@ fn named<'a>(all: &[Candidate<'a>], name: &str) -> Result<Candidate<'a>, Fault> 
     Err(Fault::Unsupported(format!("it has no channel `{}`; give one of: {}", one_line(name), list(all))))
 }
 
-/// The channel that contains the heights, or an error if it is not certain which one does.
+/// The channel that contains the heights. The candidates are the channels other than alpha for which [`Candidate::is_named`] is true; if there are
+/// none, all channels other than alpha. If there is one candidate, it is the result. If there are several, the first of these rules that finds a
+/// channel decides:
+/// - the only candidate whose last component is one of [`HEIGHTS`];
+/// - if no candidate is a colour: the only candidate whose last component is one of [`PLAIN`];
+/// - red, if the candidates are red, green and blue, and are equal in all pixels ([`grey`]).
+///
+/// If no rule finds a channel, the result is an error with a list of the channels.
 fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let solid: Vec<Candidate<'a>> = all.iter().copied().filter(|candidate| !candidate.channel.is_alpha()).collect();
     let named: Vec<Candidate<'a>> = solid.iter().copied().filter(Candidate::is_named).collect();
@@ -201,7 +207,6 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     let colours = with_base(&COLOURS);
     let one_of = |candidates: &[Candidate<'a>]| if let [one] = candidates { Some(*one) } else { None };
     let plain = if colours.is_empty() { one_of(&with_base(&PLAIN)) } else { None };
-    // If several channels remain, the only one whose base name is in `HEIGHTS` is chosen.
     let certain = one_of(&scope).or_else(|| one_of(&with_base(&HEIGHTS))).or(plain).or_else(|| grey(&scope));
     certain.ok_or_else(|| {
         let why = match colours.as_slice() {
@@ -215,7 +220,7 @@ fn found<'a>(all: &[Candidate<'a>]) -> Result<Candidate<'a>, Fault> {
     })
 }
 
-/// Red, if the channels are red, green and blue of one part and layer, and are equal in all pixels.
+/// Red, if the channels are red, green and blue of one part, layer and type, and are equal in all pixels; otherwise `None`.
 fn grey<'a>(scope: &[Candidate<'a>]) -> Option<Candidate<'a>> {
     let channels = Channels(scope.iter().map(|candidate| candidate.channel).collect());
     let [red, green, blue] = ["R", "G", "B"].map(|name| channels.with_base(name));

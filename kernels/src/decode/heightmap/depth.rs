@@ -49,7 +49,7 @@ impl Depth {
         }
     }
 
-    /// Whether an f32 holds each sample exactly.
+    /// Whether an f32 can hold each possible sample of this type exactly.
     pub(super) fn fits_single(self) -> bool {
         matches!(self, Depth::Unsigned16 | Depth::Signed16 | Depth::Half | Depth::Single)
     }

@@ -2,13 +2,12 @@
 //!
 //! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by multigrid on a pyramid of grids, each
 //! with half the resolution of the next finer one (Briggs, Henson and McCormick, *A Multigrid Tutorial*, 2000). The first guess is interpolated from
-//! grid to grid, beginning with the coarsest. V-cycles of Gauss-Seidel sweeps then remove its error. They are necessary: a coarse cell at the rim
-//! also averages samples behind the rim, and sweeps on the finest grid alone remove the effect of these samples only near the rim. At the edge of the
-//! map, missing neighbours are left out, so the slope of the membrane perpendicular to the edge is 0. The result is the same on every machine, and
-//! does not depend on threads.
+//! grid to grid, beginning with the coarsest. V-cycles of Gauss-Seidel sweeps then reduce its error. The V-cycles are necessary: a coarse cell at the
+//! rim also averages samples behind the rim, and sweeps on the finest grid alone reduce the effect of these samples only near the rim. At the edge of
+//! the map, missing neighbours are left out, so the slope of the membrane perpendicular to the edge is 0. The result does not depend on threads.
 //!
-//! Limit: a membrane has no peaks, valleys or roughness. It stays between the lowest and the highest height of the rim, up to a thousandth of the
-//! range of the known heights.
+//! Limit: a membrane has no peaks, pits or roughness. It stays between the lowest and the highest height of the rim, apart from the error of the
+//! solution. In the tests, this error is below a thousandth of the range of the known heights.
 
 /// Largest number of sweeps over the gaps of each grid, for the first guess.
 const SWEEPS: usize = 16;
@@ -16,7 +15,8 @@ const SWEEPS: usize = 16;
 const SWEEPS_OF_CYCLE: usize = 2;
 /// Largest number of cycles. Most maps need 5 to 20.
 const CYCLES: usize = 64;
-/// Sweeps and cycles end when no filled sample changes by more than this share of the range of the known heights.
+/// The sweeps of the first guess, and the cycles, end early if the last sweep changes no filled sample by more than this share of the range of the
+/// known heights.
 const STILL: f32 = 1e-6;
 
 /// Replaces the samples whose `void` is true, in an image that is `width` wide. At least one sample must have data.
@@ -37,7 +37,7 @@ fn gaps_of(void: &[bool]) -> Vec<usize> {
     (0..void.len()).filter(|&index| void[index]).collect()
 }
 
-/// The sum of the neighbours of a sample, and their number.
+/// The sum of the up to four neighbours of a sample in its row and its column, and their number.
 fn neighbours(samples: &[f32], index: usize, width: usize) -> (f64, f64) {
     let (x, y) = (index % width, index / width);
     let four = [
@@ -49,7 +49,8 @@ fn neighbours(samples: &[f32], index: usize, width: usize) -> (f64, f64) {
     (four.iter().flatten().map(|&sample| f64::from(sample)).sum(), four.iter().flatten().count() as f64)
 }
 
-/// Sets each sample of the gaps to the mean of its neighbours, after `sources` (0 if `None`) was added to their sum. Returns the largest change.
+/// Sets each sample of the gaps to the sum of its neighbours and of its entry in `sources` (0 if `None`), divided by the number of neighbours.
+/// Returns the largest change of a sample.
 fn sweep(samples: &mut [f32], gaps: &[usize], width: usize, sources: Option<&[f32]>) -> f32 {
     let mut moved = 0.0f32;
     for &index in gaps {
@@ -62,7 +63,7 @@ fn sweep(samples: &mut [f32], gaps: &[usize], width: usize, sources: Option<&[f3
 }
 
 /// The value of a coarse grid at a sample of the next finer grid, which is `width` wide. It is interpolated bilinearly between the centres of the
-/// four nearest coarse cells, with the weights 3/4 and 1/4 along each axis.
+/// four nearest coarse cells, with the weights 3/4 and 1/4 along each axis. Beyond the edge of the grid, the outermost cells are repeated.
 fn interpolated(coarse: &[f32], index: usize, width: usize) -> f32 {
     let coarse_width = width.div_ceil(2);
     let pair = |at: usize, count: usize| {
@@ -79,8 +80,8 @@ fn interpolated(coarse: &[f32], index: usize, width: usize) -> f32 {
     sum
 }
 
-/// Makes the first guess of a grid: interpolates its gaps from the next coarser grid, then relaxes them by sweeps. The sweeps end when no sample
-/// changes by more than `still`, metres.
+/// Makes the first guess for the gaps of a grid: makes the guess of the next coarser grid, interpolates it, and improves it by at most [`SWEEPS`]
+/// sweeps. The sweeps end early if one changes no sample by more than `still`.
 fn descend(samples: &mut [f32], void: &[bool], width: usize, still: f32) {
     let height = samples.len() / width;
     if !void.contains(&true) || samples.len() <= 1 {

@@ -1,4 +1,4 @@
-//! Interprets the tags that GDAL adds to a TIFF: metadata as XML (42112) and the no-data value as text (42113).
+//! Interprets two tags of GDAL in a TIFF: metadata as XML (42112) and the no-data value as text (42113).
 //!
 //! Source: GDAL, *GTiff -- GeoTIFF File Format*, "Internal nodata masks", "Metadata" and "Nodata value". The XML is a flat list of
 //! `<Item name="SCALE" sample="0" role="scale">0.1</Item>`, so it is read without an XML library.
@@ -10,8 +10,8 @@ use crate::decode::fault::Fault;
 /// Returns scale, offset and unit of the first band.
 ///
 /// # Errors
-/// The metadata are truncated or not well formed, a value is not a number, the scale is 0, the unit is unknown, or two items
-/// contradict each other.
+/// The metadata are truncated or not well formed, the scale or the offset is not a finite number, the scale is 0 or subnormal, the unit is
+/// unknown, or two items contradict each other.
 pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     let items = items(xml)?;
     let scale = number(&items, "scale")?;
@@ -35,7 +35,7 @@ pub(super) fn statement(xml: &str) -> Result<Statement, Fault> {
     Ok(Statement { scale, offset, unit })
 }
 
-/// The value, as a number, of the item with this role for the first band; `None` if there is no such item.
+/// The text that [`one`] finds, as a number; `None` if there is no such item.
 fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     let Some(text) = one(items, role)? else { return Ok(None) };
     match text.trim().parse::<f64>() {
@@ -47,7 +47,8 @@ fn number(items: &[Item], role: &str) -> Result<Option<f64>, Fault> {
     }
 }
 
-/// The text of the item with this role for the first band; `None` if there is no such item. Several items with the same text count as one.
+/// The text of the item with this role that describes the first band or the whole file; `None` if there is no such item. Several items with the
+/// same text count as one.
 fn one(items: &[Item], role: &str) -> Result<Option<String>, Fault> {
     let mut found: Option<&str> = None;
     for item in items.iter().filter(|item| item.role == role && (item.sample.is_empty() || item.sample == "0")) {

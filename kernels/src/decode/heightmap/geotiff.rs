@@ -31,11 +31,12 @@ const DEGREE_M: f64 = 111_195.0;
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
 /// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
-/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding. If a file states its transform twice (as
-/// ModelPixelScale and as ModelTransformation), the terms may differ by as much, and the two origins by the square root of this number. It is also
-/// the largest difference, metres, between the stated unit of a metric system and the metre.
+/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding.
+///
+/// If a file states its transform twice (as ModelPixelScale and as ModelTransformation), the terms may differ by this number times a pixel, and the
+/// origins by its square root times a pixel. The stated unit of a metric system may differ from the metre by this number of metres.
 const SAME_TERM: f64 = 1e-6;
-/// Largest scale error of a projection at which distances on the map count as distances on the ground.
+/// Largest scale error of a Mercator map of the world at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;
 
 /// The tags of a GeoTIFF, as they are stored.
@@ -67,11 +68,11 @@ pub(super) struct Georeference {
     pub(super) is_south_up: bool,
     /// Whether column 0 is the eastern edge.
     pub(super) is_mirrored: bool,
-    /// The unit of heights, if a key or the vertical system states it.
+    /// The unit of heights, if a key states it, or if the vertical system is known to have heights in feet.
     pub(super) vertical_unit: Option<Unit>,
-    /// The unit of distances, if a key or the projected system states it.
+    /// The unit of projected coordinates, if a key states it, or if the projected system is known to be in metres.
     pub(super) linear_unit: Option<Unit>,
-    /// The code of the vertical system, if neither the file nor the system states the unit of heights.
+    /// The code of the vertical system, if no key states the unit of heights, and the system is not known to have heights in metres or feet.
     pub(super) vertical_system_without_unit: Option<u16>,
 }
 
@@ -79,8 +80,8 @@ impl Georeference {
     /// Reads the tags of an image of this size.
     ///
     /// # Errors
-    /// The tags are damaged or contradict each other, a version or a unit is not known, or a world cannot have such samples: degrees, unequal
-    /// spacing, rotation, depths, distorted distances.
+    /// The tags are damaged or contradict each other; a version or a unit is not known; or a world cannot have such samples, for example because the
+    /// coordinates are degrees, the spacings are unequal, the raster is rotated, the numbers are depths, or the map distorts distances.
     pub(super) fn read(tags: &Tags, size: [u32; 2]) -> Result<Georeference, Fault> {
         let keys = Keys::read(tags)?;
         let transform = Transform::read(tags)?;
@@ -154,7 +155,7 @@ impl Keys {
         Ok(keys)
     }
 
-    /// The value of a key; `None` if it is absent or undefined.
+    /// The value of a key; `None` if the key is absent, or its value is 0 (undefined).
     fn short(&self, key: u16) -> Option<u16> {
         self.shorts.get(&key).copied().filter(|&value| value != 0)
     }
@@ -176,7 +177,7 @@ impl Keys {
         }
     }
 
-    /// The unit of projected coordinates; `None` if neither a key nor the system states it.
+    /// The unit of projected coordinates; `None` if no key states it, and the system is not known to be in metres.
     fn linear_unit(&self) -> Result<Option<Unit>, Fault> {
         let system = self.short(PROJECTED_SYSTEM);
         let of_system = system.filter(|&system| is_metric(system)).map(|_| METRE);
@@ -230,7 +231,8 @@ impl Keys {
         }
     }
 
-    /// The spacing of a north-up or south-up raster with equal spacing. `centre`: coordinates of its centre.
+    /// The distance between samples. It must be equal along rows and columns, and the raster must not be rotated. `centre`: coordinates of the centre
+    /// of the raster. `unit`: unit of the coordinates, if it is known.
     fn spacing(&self, transform: Option<Transform>, centre: Option<[f64; 2]>, unit: Option<Unit>) -> Result<Spacing, Fault> {
         let Some(transform) = transform else { return Ok(Spacing::Unknown) };
         let [across, down] = transform.spacing()?;
@@ -383,8 +385,8 @@ impl Transform {
     }
 }
 
-/// The command of `gdalwarp` that converts a file with this centre (degrees) to UTM or, near a pole, to UPS, on WGS 84. `spacing_m`:
-/// distance between samples.
+/// The command of `gdalwarp` that converts a file with this centre (degrees) to UTM or, near a pole, to UPS, on WGS 84. If the centre is not known,
+/// the command has the placeholder CODE. `spacing_m`: distance between samples.
 fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     let system = match latitude {
         _ if !(longitude.is_finite() && latitude.abs() <= 90.0) => "CODE".to_owned(),
@@ -399,7 +401,7 @@ fn gdalwarp(longitude: f64, latitude: f64, spacing_m: f64) -> String {
     format!("gdalwarp -t_srs EPSG:{system} -tr {spacing} {spacing} -r bilinear IN OUT.tif")
 }
 
-/// A length as text, with three significant digits. Lengths from 1000 on are rounded to integers.
+/// A length as text, with about three significant digits. Lengths from 100 on are rounded to integers.
 fn three_digits(length: f64) -> String {
     let places = (2.0 - length.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     format!("{length:.places$}")

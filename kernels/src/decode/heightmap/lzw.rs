@@ -13,7 +13,7 @@ use crate::decode::fault::Fault;
 
 /// Largest ratio of decoded to compressed bytes, rounded up: a code of 12 bits represents at most 3839 bytes, and 3839 x 8 / 12 = 2559.3.
 const LARGEST_GROWTH: usize = 2560;
-/// Largest size of a decoded strip or tile, bytes. The crate `tiff` has the same limit.
+/// Largest size of the decoded rows of a strip or tile, bytes. By default, the crate `tiff` has the same limit.
 const MAX_BYTES: usize = 1 << 28;
 
 /// How the samples of a strip or tile are stored.
@@ -27,7 +27,7 @@ pub(super) struct Coding {
     pub(super) size: [usize; 2],
 }
 
-/// Decodes a stream. Returns the samples of the first `kept` columns and rows, row by row.
+/// Decodes a stream. Returns the samples of the first `kept[0]` columns in the first `kept[1]` rows, row by row.
 ///
 /// # Errors
 /// The stream is damaged or too short, or the decoded rows are larger than 256 MiB.

@@ -1,11 +1,11 @@
 //! Reads heightmaps from files: 16-bit PNG, RAW (16-bit integers or 32-bit floats), OpenEXR and (Geo)TIFF.
 //!
 //! A sample is the elevation at a grid point. Row 0 is the northern edge, column 0 the western edge. The size is read before the samples, so that a
-//! file that is too large is refused before memory is allocated for it.
+//! file that is too large is refused before memory is allocated for its samples.
 //!
-//! The reader of each format returns the samples as they are stored, and all statements of the file about them (`raster.rs`). Then, in this
-//! order: samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). If a
-//! statement of the file about its heights is not applied, there is an error of one line or a note in the [`Report`], which lists how the file was
+//! The reader of each format returns the samples as they are stored, and what the file says about them (`raster.rs`). Then, in this order:
+//! samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). A statement of the file about
+//! its heights that is known but cannot be applied is usually an error of one line, or a note in the [`Report`]. The report says how the file was
 //! interpreted.
 
 use std::collections::BTreeSet;
@@ -42,20 +42,21 @@ mod voids;
 pub use options::{MAX_SIDE, NoData, ReadOptions, Voids};
 pub use report::Report;
 
-/// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
+/// Largest absolute value of an elevation that is accepted, metres.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
-/// If the elevations of float samples differ by at most this many metres, a note says that the samples may be normalised to 0..1.
+/// If float samples differ by at most this many metres, and neither the file nor the user says how they are scaled, a note says that they may be
+/// normalised to 0..1.
 const NORMALISED_RELIEF_M: f64 = 1.0;
 
 /// If consecutive half floats at the largest absolute sample differ by more than this many metres, a note says that precision is lost.
 const COARSE_STEP_M: f64 = 0.25;
 
-/// XML elements that say what the samples of a heightmap mean. GDAL writes them to a file of metadata beside the heightmap (`.aux.xml`,
+/// XML elements that say what the samples of a heightmap mean. GDAL may write them to a file of metadata beside the heightmap (`.aux.xml`,
 /// *PAM: persistent auxiliary metadata*).
 const STATEMENTS_BESIDE: [&str; 4] = ["Scale", "Offset", "NoDataValue", "UnitType"];
 
-/// Largest length of a `.aux.xml` file, bytes.
+/// Largest length of a `.aux.xml` file that is searched, bytes.
 const LARGEST_METADATA: u64 = 1 << 26;
 
 /// Elevations on a regular grid.
@@ -157,11 +158,14 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
 /// # Errors
 /// [`Error::File`] if the operating system cannot read the file, or metadata beside it.
 ///
-/// [`Error::Heightmap`] if a file beside the heightmap is a mask (GDAL's `.msk`), says what the samples mean, or is too large to check
-/// (`.aux.xml`); if the heightmap is damaged, too large, or of a kind that is not supported; if its statements about its samples contradict
-/// each other or the options, or cannot be applied; if an option is out of range or does not apply to it; if the spacing or the meaning of its
-/// samples is unknown; if samples have no data or a value that usually marks missing data, and the options do not say how to treat them; if no
-/// sample has data; if the absolute value of an elevation is above 100 000 m; or if all samples are equal.
+/// [`Error::Heightmap`] in these cases:
+/// - There is a mask beside the heightmap (GDAL's `.msk`), or a file of metadata (`.aux.xml`) that says what the samples mean or is too large.
+/// - The heightmap is damaged, too large, or of a kind that is not supported.
+/// - Its statements about its samples contradict each other or the options, or cannot be applied.
+/// - An option is out of range or does not apply to the format.
+/// - The spacing or the meaning of the samples is unknown.
+/// - Samples have no data or a value that usually marks missing data, and the options do not say how to treat them; or no sample has data.
+/// - The absolute value of an elevation is above 100 000 m, or all samples are equal.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Reading> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     let mut reading = decode(BufReader::new(file), path, options)?;
@@ -286,8 +290,8 @@ struct Scaled {
 }
 
 impl Scaled {
-    /// Finds the conversion from stored samples to metres. Refuses an elevation beyond 100 000 m, and a map without relief, because both mean that
-    /// the samples were misinterpreted.
+    /// Finds the conversion from stored samples to metres. Refuses elevations beyond 100 000 m, and a map without relief, because both probably mean
+    /// that the samples were misinterpreted.
     fn of(raster: &Raster, found: &Found, options: &ReadOptions) -> std::result::Result<Scaled, Fault> {
         let with_data = move || (0..raster.stored.len()).filter(move |&index| found.has_data(index));
         let stored = range(with_data().map(|index| raster.stored.at(index)));
@@ -329,8 +333,8 @@ fn notes_of_samples(raster: &Raster, found: &Found, scaled: &Scaled, options: &R
     [of_voids, note_of_8_bits(raster, metres_per_unit), of_half, of_low_relief].into_iter().flatten().collect()
 }
 
-/// Returns a note if all samples of a PNG or RAW file of 16-bit integers are multiples of 257 or of 256, and have more than two values. Such samples
-/// are 8-bit numbers that were converted to 16 bits. `scale`: metres per unit of the samples.
+/// Returns a note if all samples of a PNG or RAW file of 16-bit integers are multiples of 257, or all are multiples of 256, and they have more than
+/// two values. Such samples are probably 8-bit numbers that were converted to 16 bits. `scale`: metres per unit of the samples.
 fn note_of_8_bits(raster: &Raster, scale: f64) -> Option<String> {
     if !(raster.holds_codes && raster.depth == Depth::Unsigned16) {
         return None;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::decode::fault::Fault;
 
-/// Largest number of samples that are read along each edge. From a larger TIFF or RAW file, the caller must choose a window; a larger PNG or OpenEXR
-/// file is refused, because it can only be read as a whole.
+/// Largest number of samples that are read along each edge. From a larger TIFF or RAW file, the caller must choose a window. A larger PNG or OpenEXR
+/// file is refused, because these readers decode the whole file.
 pub const MAX_SIDE: u32 = 16_385;
 
 /// Largest distance between samples, metres. Scene files have the same limit.
@@ -14,17 +14,18 @@ pub(super) const MAX_SPACING_M: f64 = 1.0e5;
 /// How to read a heightmap. Most messages call the options by their names in `experiments import`, such as `--raw-size`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states it. A value that contradicts the
-    /// file is an error.
+    /// Distance between neighbouring samples, metres, above 0 and at most 100 000. Not needed if the file states a distance with a unit. A value
+    /// that contradicts such a distance is an error.
     pub metres_per_texel: Option<f64>,
-    /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767), or of
-    /// the float samples 0 and 1. If the file states what its samples mean, a range that contradicts the file is an error. Otherwise, 16-bit
-    /// integers need a range, and 32-bit integers are refused. Floats may have a range if all of them lie in 0..=1; without a range, they are metres.
-    /// If a float lies outside 0..=1, a range is an error.
+    /// Elevations, in metres, of the smallest and the largest possible integer sample (with 16 bits: 0 and 65535, or -32768 and 32767 if the samples
+    /// are signed), or of the float samples 0 and 1.
+    ///
+    /// If the file states what its samples mean, a range that contradicts the file is an error. If the file states nothing, 16-bit integers need a
+    /// range, 32-bit integers are refused, and floats are metres unless a range is given. For floats outside 0..=1, a range is then an error.
     pub height_range_m: Option<[f64; 2]>,
-    /// Width and height of a RAW file, in samples. `None`: the file is square.
+    /// Width and height of a RAW file, in samples. `None`: the image must be a square.
     pub raw_size: Option<[u32; 2]>,
-    /// Whether the high byte of a RAW sample comes first.
+    /// Whether the samples of a RAW file begin with their highest byte.
     pub raw_big_endian: bool,
     /// The part to read: x, y (from the north-west corner), width, height in samples. `None`: the whole file.
     pub window: Option<[u32; 4]>,
@@ -36,19 +37,18 @@ pub struct ReadOptions {
     pub voids: Voids,
 }
 
-/// The values that mark missing data. NaN, infinity, absolute values from 1e10 on, and masks always mark missing data. The samples of a strip
-/// or tile that is not in a TIFF file have no data if the file names a no-data value. Values are compared with samples as they are stored,
-/// before the samples are converted to metres.
+/// The values that mark missing data. With each variant, these samples have no data: NaN, infinity, absolute values from 1e10 on, samples that a
+/// mask hides, and, if a TIFF file names a no-data value, the samples of strips or tiles that are not in the file. Values are compared with samples
+/// as they are stored, before the samples are converted to metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
-    /// The value that the file names. Other values that usually mark missing data, such as -9999, are refused; the user must
-    /// name or allow them. PNG and RAW files of integers are not searched for such values.
+    /// The value that the file names, and transparency. Other values that usually mark missing data, such as -9999, are refused if they lie far from
+    /// all other samples; the user must then name or allow them. PNG and RAW files of integers are not searched for such values.
     #[default]
     Stated,
-    /// The value that the file names, and these values. Other values that usually mark missing data are refused, as with `Stated`.
+    /// The same as with `Stated`, and these values.
     Named(Vec<f64>),
-    /// Ignores the value that the file names, and transparency. Samples without data are then only those that never have data, see [`NoData`]: NaN,
-    /// infinity, huge values, masked samples, and samples of strips or tiles that are not in the file, if the file names a no-data value.
+    /// No further values. The value that the file names and transparency are ignored.
     Nothing,
 }
 
@@ -58,8 +58,8 @@ pub enum Voids {
     /// The file is refused.
     #[default]
     Refuse,
-    /// Samples without data get the heights of a smooth membrane that is stretched over the gap. The membrane stays between the lowest and
-    /// the highest sample of the rim of the gap, up to a thousandth of the range of all samples.
+    /// Samples without data get the heights of a smooth membrane that is stretched over the gap. Apart from small errors, the membrane stays between
+    /// the lowest and the highest sample of the rim of the gap.
     Fill,
     /// Samples without data are filled as with `Fill`, and become circular holes in the ground of the scene.
     Holes,
@@ -128,7 +128,8 @@ impl ReadOptions {
         Ok(())
     }
 
-    /// The window to read from an image of this size, as x, y, width, height. `can_read_part`: whether the format can be read in parts.
+    /// The window to read from an image of this size, as x, y, width, height. `can_read_part`: whether the reader of the format can read a part of a
+    /// file.
     pub(super) fn window_of(&self, [width, height]: [u32; 2], can_read_part: bool) -> Result<[u32; 4], Fault> {
         let too_large = width > MAX_SIDE || height > MAX_SIDE;
         if too_large && !can_read_part {

@@ -1,4 +1,4 @@
-//! Reads 16-bit PNG files (PNG specification, third edition).
+//! Reads heightmaps from 16-bit PNG files (PNG specification, third edition).
 
 use std::io::{BufRead, Seek, SeekFrom};
 
@@ -19,8 +19,8 @@ const START: usize = 26;
 /// Largest factor by which Deflate can compress (RFC 1951: 258 bytes from 2 bits, a factor of 1032), rounded up.
 const MOST_COMPRESSED: u64 = 1100;
 
-/// Reads a file with 16 bits per channel. Colours are read if red, green and blue agree in each pixel. A transparent pixel has no data. A pixel
-/// is also transparent if its value is the one that the chunk tRNS declares as transparent; GDAL stores its no-data value in this chunk.
+/// Reads a file with 16 bits per channel. It may be grey, or coloured if red, green and blue are equal in each pixel. Transparent pixels are marked:
+/// those whose alpha is 0, and those whose value is the one that the chunk tRNS declares as transparent. GDAL stores its no-data value in tRNS.
 pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Result<Raster, Fault> {
     let mut start = [0; START];
     input.read_exact(&mut start).and_then(|()| input.rewind()).map_err(Fault::of_io)?;
@@ -61,7 +61,7 @@ pub(super) fn read(mut input: impl BufRead + Seek, options: &ReadOptions) -> Res
     })
 }
 
-/// Why a file with other than 16 bits per channel is refused, and the remedy.
+/// The error for a file that does not have 16 bits per channel: the reason and the remedy.
 fn not_16_bits(decoder: PngDecoder<impl BufRead + Seek>, kind: &str) -> Fault {
     let looks = if decoder.color_type() == ColorType::Rgb8 { packed(decoder) } else { Ok(None) };
     match looks {
@@ -83,8 +83,8 @@ struct Heights {
     absent: Vec<Option<Absent>>,
 }
 
-/// Takes one sample from each pixel. `values`: the channels of all pixels, in the byte order of the machine. Pixels whose red, green and blue differ,
-/// and partly transparent pixels, are refused.
+/// Takes one sample from each pixel. `values`: the channels of all pixels, in the byte order of the machine. `kind`: the kind of the pixels, for
+/// messages. The result is an error if red, green and blue differ in a pixel, or if a pixel is partly transparent.
 fn heights(values: &[[u8; 2]], channels: usize, width: usize, kind: &str) -> Result<Heights, Fault> {
     let count = values.len() / channels;
     let mut found = Heights { samples: Vec::with_capacity(count), absent: Vec::new() };
@@ -136,7 +136,8 @@ fn kind(bits: u8, colour: u8) -> String {
 
 /// Name and formula of an encoding of elevations in 8-bit colours; `None` if the picture does not look like such an encoding.
 ///
-/// The low byte of such an encoding jumps from pixel to pixel, but the decoded elevations are smooth. In a photograph, all channels are smooth.
+/// In such an encoding, the low byte usually jumps from pixel to pixel, while the decoded elevations are smooth. In a photograph, all channels are
+/// usually about equally smooth.
 fn packed(decoder: PngDecoder<impl BufRead + Seek>) -> Result<Option<(&'static str, &'static str)>, Fault> {
     let width = decoder.dimensions().0 as usize;
     let mut bytes = vec![0; width * decoder.dimensions().1 as usize * 3];

@@ -1,4 +1,4 @@
-//! The result of the reader of a format: samples as they are stored, and all statements of the file about them.
+//! The result of the reader of a format: samples as they are stored, and what the file says about them.
 
 use tiff::decoder::DecodingResult;
 
@@ -6,7 +6,7 @@ use super::depth::Depth;
 use super::scaling::Statement;
 use super::spacing::Spacing;
 
-/// The part of a file that is read.
+/// The part of a file that is read, and the statements of the file.
 pub(super) struct Raster {
     /// Format, kind of samples and layout, in words.
     pub(super) format: String,
@@ -24,7 +24,7 @@ pub(super) struct Raster {
     /// For each sample, the reason why it has no data; `None` if it has data or only its value marks missing data. An empty list
     /// means that all entries are `None`.
     pub(super) absent: Vec<Option<Absent>>,
-    /// The value that the file gives to samples without data.
+    /// The value that the file states for samples without data.
     pub(super) no_data: Option<f64>,
     /// The statement of the file about its heights.
     pub(super) statement: Statement,
@@ -37,7 +37,7 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// Column and row of a sample of the window, counted in the whole file from the north-west corner.
+    /// Column and row of a sample of the window, in words. They are counted in the whole file from the north-west corner.
     pub(super) fn place(&self, index: usize) -> String {
         let [x, y, width, _] = self.window.map(|n| n as usize);
         format!("column {}, row {}", x + index % width, y + index / width)
@@ -55,7 +55,7 @@ pub(super) enum Absent {
     Transparent,
 }
 
-/// Samples as they are stored, in the smallest type of float that holds them exactly.
+/// Samples as they are stored: as f32 if it holds the type of the samples exactly, otherwise as f64.
 pub(super) enum Stored {
     Single(Vec<f32>),
     Double(Vec<f64>),
@@ -82,7 +82,7 @@ impl Stored {
         }
     }
 
-    /// A value of a sample as text, with the digits that the type of the samples needs.
+    /// The value of a sample as text, with the digits that the type of the samples needs.
     pub(super) fn shown(&self, value: f64) -> String {
         // Large numbers are written with an exponent, which is easier to read than many digits.
         match self {

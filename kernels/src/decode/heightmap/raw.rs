@@ -14,7 +14,7 @@ const JUDGED: usize = 256;
 /// The byte order of integers counts as wrong only if their roughness is above this factor times their roughness in the other byte order.
 const ROUGHER: f64 = 4.0;
 /// The byte order of integers counts as wrong only if their [`roughness`] is above this number. Uniformly distributed random numbers have a
-/// roughness of 1/3. Terrain has a roughness of up to about 0.05.
+/// roughness of 1/3. Terrain usually has a roughness of up to about 0.05.
 const ROUGH: f64 = 0.15;
 /// Plausible absolute values of heights that are stored as floats. The height 0 is plausible, too.
 const HEIGHTS: std::ops::RangeInclusive<f32> = 1e-6..=1e7;
@@ -89,7 +89,8 @@ fn no_square(length: u64, depth: Depth) -> Fault {
     ))
 }
 
-/// The type that the samples probably have, judged by the length of the file, with the remedy; `None` if no type fits.
+/// For a message: the type that the samples probably have, judged by the length of the file, with the remedy; `None` if no known type fits. `depth`:
+/// the type that was expected.
 fn other_depth(samples: u64, length: u64, depth: Depth) -> Option<&'static str> {
     match (length.checked_div(samples)?, depth) {
         _ if !length.is_multiple_of(samples) => None,
@@ -114,7 +115,7 @@ fn integers(bytes: &[u8], big_endian: bool, width: usize) -> (Vec<f32>, bool) {
     (samples, is_swapped)
 }
 
-/// Does the same as `integers`, for floats. In the wrong byte order, the exponents of floats are random.
+/// Does the same as [`integers`], for floats. In the wrong byte order, the exponents of floats look random, so few of them are plausible heights.
 fn floats(bytes: &[u8], big_endian: bool) -> (Vec<f32>, bool) {
     let (quads, _) = bytes.as_chunks::<4>();
     let value = |quad: &[u8; 4], big_endian: bool| if big_endian { f32::from_be_bytes(*quad) } else { f32::from_le_bytes(*quad) };

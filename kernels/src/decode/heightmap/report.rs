@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-/// The interpretation of a file. Its text has several lines, without a line break at the end.
+/// The interpretation of a file. `Display` writes it as several lines, without a line break at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Name of the file, format, and kind of its samples.
+    /// Name of the file, its format, and the kind of its samples.
     pub file: String,
     /// Width and height of the file, in samples.
     pub file_size: [u32; 2],
@@ -19,7 +19,7 @@ pub struct Report {
     pub stored: [String; 2],
     /// Lowest and highest elevation, metres.
     pub elevations_m: [f64; 2],
-    /// How stored samples are converted to metres, and the origin of this information.
+    /// How stored samples are converted to metres, and where this information comes from.
     pub mapping: String,
     /// Where north is in the file.
     pub orientation: String,

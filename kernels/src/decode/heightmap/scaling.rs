@@ -17,14 +17,14 @@ pub(super) struct Statement {
 pub(super) struct Mapping {
     pub(super) scale: f64,
     pub(super) offset: f64,
-    /// The conversion and its origin, in words.
+    /// The conversion and where it comes from, in words.
     pub(super) how: String,
     /// A note for the user.
     pub(super) note: Option<String>,
 }
 
-/// Largest difference between an elevation from the file and one from the user that counts as rounding, as a share of the larger absolute value;
-/// if both are below 1 m, in metres.
+/// Largest difference between an elevation from the file and one from the user that counts as rounding. It is a share of the larger absolute value.
+/// If both absolute values are below 1 m, it is in metres.
 const SAME: f64 = 1e-6;
 
 impl Statement {
@@ -73,7 +73,7 @@ pub(super) fn mapping(depth: Depth, statement: &Statement, stored: [f64; 2], ran
     if let Some(range) = range {
         let [low, high] = ends.map(|sample| sample * scale + offset);
         let agree = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs()).max(1.0);
-        // A range equal to the limits of the integers leaves the samples unchanged, so it does not contradict the file.
+        // A range equal to the limits of the integers does not change the samples, so it is accepted. The statement of the file is then applied.
         let keeps = !depth.is_float() && range == ends;
         let agrees = agree(range[0], low) && agree(range[1], high);
         if !(keeps || agrees) {

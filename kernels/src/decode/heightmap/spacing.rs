@@ -16,7 +16,7 @@ pub(super) enum Spacing {
     /// A number without a unit of length.
     WithoutUnit {
         stated: f64,
-        /// EPSG code and unit of the coordinate system that the file names; `None` if the unit is unknown or the metre.
+        /// EPSG code and unit of the coordinate system that the file names, if this system is known to be in feet.
         usual: Option<(u16, Unit)>,
     },
     /// A distance in metres.
@@ -27,7 +27,7 @@ pub(super) enum Spacing {
     },
 }
 
-/// The distance between samples of a world.
+/// The distance between samples that is used.
 #[derive(Debug)]
 pub(super) struct Resolved {
     /// The distance, metres, above 0 and at most 100 000.
@@ -83,7 +83,7 @@ impl Spacing {
 
 /// Text for a message: a spacing, converted from the unit of a coordinate system to metres, and the reason for the conversion.
 fn in_usual(stated: f64, (system, unit): (u16, Unit)) -> String {
-    // The number is rounded to micrometres, which are far below the tolerance of a spacing.
+    // The number is rounded to micrometres, so that it is short.
     let metres = (stated * unit.metres * 1e6).round() / 1e6;
     format!("{metres}, because the unit of EPSG:{system} is the {}", unit.name)
 }

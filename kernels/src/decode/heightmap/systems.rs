@@ -5,7 +5,7 @@
 
 use super::units::Unit;
 
-/// The Mercator projections of the world (EPSG): those of web maps, and World Mercator.
+/// Codes (EPSG) of Mercator projections of the world: two of web maps, and World Mercator.
 pub(super) const WORLD_MERCATOR: [u16; 3] = [3857, 3785, 3395];
 
 /// Vertical systems in feet whose values increase upwards (EPSG dataset 12.029), with the code of their unit.
@@ -22,14 +22,14 @@ const VERTICAL_FEET: [(u16, u16); 10] = [
     (10_919, 9003),
 ];
 
-/// Whether the unit of a projected system (EPSG) is known to be the metre, from its code: UTM on WGS 84, ETRS89 and NAD83, the systems of the
-/// European Union, France, Great Britain, Switzerland and the Netherlands, and [`WORLD_MERCATOR`].
+/// Whether the unit of a projected system (EPSG) is known to be the metre. Of the systems in metres, this list has UTM on WGS 84, ETRS89 and NAD83,
+/// usual systems of the European Union, France, Great Britain, Switzerland and the Netherlands, and [`WORLD_MERCATOR`].
 pub(super) fn is_metric(system: u16) -> bool {
     WORLD_MERCATOR.contains(&system)
         || matches!(system, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 3035 | 2154 | 27_700 | 2056 | 21_781 | 28_992)
 }
 
-/// Whether the values of a vertical system increase downwards: all systems of the EPSG dataset 12.029 whose axis points down.
+/// Whether the values of a vertical system increase downwards. The codes are those of the systems of the EPSG dataset 12.029 whose axis points down.
 pub(super) fn is_depth(system: u16) -> bool {
     matches!(
         system,
@@ -38,7 +38,7 @@ pub(super) fn is_depth(system: u16) -> bool {
     )
 }
 
-/// Whether a vertical system has heights in metres: all such systems of the EPSG dataset 12.029.
+/// Whether a vertical system has heights in metres. The codes are those of the EPSG dataset 12.029.
 pub(super) fn has_metric_heights(system: u16) -> bool {
     matches!(
         system,
@@ -52,12 +52,12 @@ pub(super) fn has_metric_heights(system: u16) -> bool {
     )
 }
 
-/// The unit of a vertical system in feet whose values increase upwards; `None` for all other systems.
+/// The unit of a vertical system in [`VERTICAL_FEET`]; `None` for other systems.
 pub(super) fn vertical_feet(system: u16) -> Option<Unit> {
     VERTICAL_FEET.iter().find(|(feet, _)| *feet == system).and_then(|&(_, unit)| Unit::of_code(unit))
 }
 
-/// The unit of a projected system in US survey feet or feet; `None` for all other systems.
+/// The unit of a projected system, if it is the US survey foot or the foot; otherwise `None`.
 pub(super) fn projected_feet(system: u16) -> Option<Unit> {
     let code = if is_in_us_survey_feet(system) {
         9003
@@ -69,7 +69,7 @@ pub(super) fn projected_feet(system: u16) -> Option<Unit> {
     Unit::of_code(code)
 }
 
-/// Whether the unit of a projected system is the US survey foot: all such systems of the dataset.
+/// Whether the unit of a projected system is the US survey foot. The codes are those of the EPSG dataset 11.022.
 fn is_in_us_survey_feet(system: u16) -> bool {
     matches!(
         system,
@@ -98,7 +98,7 @@ fn is_in_us_survey_feet(system: u16) -> bool {
     )
 }
 
-/// Whether the unit of a projected system is the foot: all such systems of the dataset.
+/// Whether the unit of a projected system is the (international) foot. The codes are those of the EPSG dataset 11.022.
 fn is_in_feet(system: u16) -> bool {
     matches!(
         system,

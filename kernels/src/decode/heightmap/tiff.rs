@@ -1,10 +1,12 @@
 //! Reads TIFF and GeoTIFF files.
 //!
-//! First, all statements of a file are read into a [`Description`]; then the samples are read as they are stored. The crate `tiff` decodes
-//! strips and tiles (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for float predictors), except LZW (`lzw.rs`). The crate would invert
-//! samples of photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a [`Patched`] file, in which the
-//! interpretation is BlackIsZero: a height is the stored number, as in GDAL.
-//! Of several images, the first one of full resolution is read. Images that belong to another image (SubIFDs) are not searched.
+//! First, the statements of a file about its samples are read into a [`Description`]; then the samples are read as they are stored. Strips and tiles
+//! of an image with LZW compression are decoded in `lzw.rs`, others by the crate `tiff` (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for
+//! float predictors). The crate would invert samples of photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a
+//! [`Patched`] file, in which the interpretation is BlackIsZero: a height is the stored number, as in GDAL.
+//!
+//! Of several images, the first one of full resolution is read; if there is none, the first image. Images that belong to another image (SubIFDs) are
+//! not searched.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -79,7 +81,7 @@ impl<R: Read> Read for Patched<R> {
 
 impl<R: Seek> Seek for Patched<R> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        // A position beyond the end is reported as damage. Otherwise, the operating system would refuse positions beyond 2^63, which would
+        // A position beyond the end is reported as damage. Without this check, the operating system could refuse a huge position, and that would
         // look like an error of the disk.
         if let SeekFrom::Start(position) = to
             && position > self.length
@@ -124,7 +126,7 @@ struct Place {
 
 /// The images of a file that are used.
 struct Images {
-    /// The image that is read: the first one of full resolution, or the first one if there is none.
+    /// The image that is read: the first one of full resolution; if there is none, the first image of the file.
     main: Place,
     /// The mask, which says which samples have data.
     mask: Option<Place>,
@@ -134,7 +136,7 @@ struct Images {
     is_reduced: bool,
 }
 
-/// All statements of a file.
+/// The statements of a file that are used.
 struct Description {
     layout: Layout,
     depth: Depth,
@@ -331,7 +333,7 @@ impl Layout {
         Ok(bytes)
     }
 
-    /// Whether the file holds a strip or tile. GDAL leaves out strips and tiles without data; their offset and length are then 0.
+    /// Whether the file holds a strip or tile. GDAL may leave out strips and tiles without data; their offset and length are then 0.
     fn holds(&self, chunk: Chunk) -> Result<bool, Fault> {
         let at = chunk.index as usize;
         let (Some(&offset), Some(&length)) = (self.offsets.get(at), self.byte_counts.get(at)) else {
@@ -420,7 +422,7 @@ impl Description {
 }
 
 impl Images {
-    /// Goes through the list of images (TIFF 6.0, NewSubfileType: bit 0 = reduced resolution, bit 2 = mask).
+    /// Goes through the list of images, and finds those that are used (TIFF 6.0, NewSubfileType: bit 0 = reduced resolution, bit 2 = mask).
     fn find<R: Read + Seek>(file: &mut File<R>) -> Result<Images, Fault> {
         let first = file.ifd_pointer().ok_or_else(|| Fault::Damaged("it has no image".to_owned()))?;
         let (mut full, mut mask, mut others, mut index) = (None, None, 0, 0);

@@ -11,7 +11,8 @@ pub(super) struct Unit {
 /// The metre.
 pub(super) const METRE: Unit = Unit { name: "metre", metres: 1.0 };
 
-/// Units: EPSG code, unit, and other names in lower case. The US survey foot is 1200 / 3937 m (US National Bureau of Standards, 1959).
+/// Units: EPSG code if there is one, unit, and other names in lower case. The US survey foot is 1200 / 3937 m (US National Bureau of Standards,
+/// 1959).
 const UNITS: [(Option<u16>, Unit, &[&str]); 12] = [
     (Some(9001), METRE, &["m", "metres", "meter", "meters"]),
     (Some(9002), Unit { name: "foot", metres: 0.3048 }, &["ft", "feet", "international foot", "international feet"]),

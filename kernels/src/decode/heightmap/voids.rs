@@ -5,13 +5,13 @@ use super::options::{NoData, Voids};
 use super::raster::{Absent, Raster};
 use crate::decode::fault::Fault;
 
-/// Values that often mark missing data in files that do not name a no-data value. They are those of ESRI, SRTM, Mapbox and others, and the
-/// ends of the range of signed 16-bit integers.
+/// Values that often mark missing data in files that do not name a no-data value. They are used by ESRI, SRTM, Mapbox and others, or are the
+/// ends of the range of signed 16-bit integers. They do not apply to unsigned 16-bit integers.
 const MARKERS: [f64; 8] = [-9999.0, -32_768.0, -32_767.0, -10_000.0, -99_999.0, 9999.0, 99_999.0, 32_767.0];
-/// The marker of 16-bit unsigned integers.
+/// The value that often marks missing data in unsigned 16-bit integers.
 const UNSIGNED_MARKER: f64 = 65_535.0;
 /// A value that often marks missing data counts as a marker only if it is below or above all other samples by more than this share of their
-/// range. For example, real ground at -9999 dm is kept if there is also ground at -9998 dm.
+/// range. For example, real ground at -9999 dm is kept if the other samples reach from -9998 to 0 dm.
 const MARKER_GAP: f64 = 1.0 / 64.0;
 
 /// A sample whose absolute value is at least this is no elevation in any unit.
@@ -45,7 +45,7 @@ impl Found {
     }
 }
 
-/// A reason why samples have no data.
+/// A reason why samples have no data, or may have none.
 struct Cause {
     what: String,
     count: usize,
@@ -55,8 +55,8 @@ struct Cause {
 /// Finds the samples without data.
 ///
 /// # Errors
-/// A value occurs that usually marks missing data, but neither the file nor the user says so; no sample has data; or there are samples
-/// without data, and `voids` is `Refuse`.
+/// A value probably marks missing data (see [`refuse_marks`]), but neither the file nor the user says so; no sample has data; or there are
+/// samples without data, and `voids` is `Refuse`.
 pub(super) fn find(raster: &Raster, no_data: &NoData, voids: Voids) -> Result<Found, Fault> {
     let stored = &raster.stored;
     let mut named: Vec<(f64, &str)> = Vec::new();
@@ -190,10 +190,9 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
 
 /// Returns a remark about samples that are far below or far above all others; `None` if there are none.
 ///
-/// Samples are far from the others if they lie outside the outer fences, which are three interquartile ranges beyond the quartiles, and if
-/// there is a gap of at least three interquartile ranges between them and all samples inside. Steep ground has no such gap: its samples lie
-/// on both sides of a fence. If so many samples equal the median that the quartiles are equal, these samples are left out of the estimate.
-/// At most a quarter of the samples can be found in this way below the others, and at most a quarter above.
+/// The outer fences are three interquartile ranges beyond the quartiles. Samples are far from the others if they lie outside the fences, and if
+/// there is a gap of at least three interquartile ranges between them and the samples inside. Steep ground usually has no such gap. If so many
+/// samples equal the median that the quartiles are equal, these samples are left out of the estimate of the quartiles.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));
@@ -237,8 +236,8 @@ pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     ))
 }
 
-/// Returns a note about a block of at least 2 x 2 floats that are exactly 0, if all other samples are far from 0. Programs fill gaps with 0, but 0
-/// may also be the level of a sea.
+/// Returns a note about floats that are exactly 0, if at least 2 x 2 of them form a square, and all other samples are far from 0 ([`ZERO_GAP`]).
+/// Programs may fill gaps with 0, but 0 may also be the level of a sea.
 pub(super) fn note_of_zeros(raster: &Raster, found: &Found) -> Option<String> {
     if !raster.depth.is_float() {
         return None;
@@ -439,8 +438,8 @@ mod tests {
         assert!(said.contains("(300 to 899.99"), "{said}");
         assert_eq!(remark(&ground(Depth::Single, METRES, &[])), None);
         assert_eq!(remark(&ground(Depth::Single, METRES, &[(3, 1000.0)])), None, "a peak");
-        // A plain with a volcano. Its summit is far above the quartiles of the heights, but all heights between plain and summit occur, so it is no
-        // outlier.
+        // A plain with a volcano. Its summit is far above the quartiles of the heights, but there is no large gap between the heights of plain and
+        // summit, so it is no outlier.
         let volcano: Vec<(usize, f64)> = (0..300).map(|i| (i, 3.0 + f64::from(i as u32) * 10.0)).collect();
         assert_eq!(remark(&ground(Depth::Single, [0.0, 3.0], &volcano)), None);
         // Most of the map is sea.

@@ -15,9 +15,9 @@ use crate::decode::colours::Colours;
 use crate::decode::fault::Fault;
 use crate::decode::openexr::{self, Channel, Part};
 
-/// Largest edge of an image, texels: four times the edge of the largest detail textures. An image of this size takes up to 1.75 GiB of
-/// memory until it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and two of the three
-/// exist at the same time.
+/// Largest edge of an image, texels: four times the edge of the largest detail textures. A PNG of this size takes up to about 1.75 GiB of
+/// memory until it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and at most two of the
+/// three exist at the same time.
 pub(super) const MAX_EDGE: u32 = 8192;
 
 /// Bytes of the header of a TGA file.
@@ -45,7 +45,7 @@ pub(super) enum Encoding {
     Floats,
 }
 
-/// An image as it is stored. It is square, and row 0 is at v = 0: the bottom row.
+/// A decoded image. It is square. Row 0 is the bottom row, at v = 0.
 #[derive(Clone, Debug)]
 pub(super) struct Stored {
     /// Texels along an edge, at least 1.

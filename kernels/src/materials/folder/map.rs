@@ -15,14 +15,14 @@ use crate::shared::real::{length, normalize};
 
 /// Share of texels that must have a property before it counts as a property of the map. The rest may be noise of a lossy compression.
 const NEARLY_ALL: f64 = 0.999;
-/// A map with one value per texel may be stored as RGB. This is the largest difference between its channels that is accepted. In [`refuse_grey`], a
+/// A map with one value per texel may be stored as RGB. In nearly all texels, its channels must not differ by more than this. In [`refuse_grey`], a
 /// grey image whose values do not differ by more than this counts as uniform.
 const GREY: f32 = 8.0 / 255.0;
 /// Largest difference between channels that count as equal, in the test whether a normal map is in fact a grey image.
 const EQUAL: f32 = 2.5 / 255.0;
 /// If the z of a normal differs from a constant by at most this number, the difference counts as noise.
 const CONSTANT_Z: f32 = 0.12;
-/// Largest difference between 1 and the length of a vector that counts as a unit vector. Averaged normals are shorter than 1.
+/// Largest difference between 1 and the length of a vector at which the vector counts as a unit vector. Averaged normals may be shorter than 1.
 const LENGTH: f32 = 0.2;
 /// Largest distance by which floats may lie outside their range, for example because they were resampled.
 const OVERSHOOT: f32 = 0.05;
@@ -44,8 +44,8 @@ pub struct Map {
 ///
 /// # Errors
 /// If the file is not a readable image, is not square, or is larger than 8192 texels per side; if its values cannot be those of the map, such as a
-/// normal map in grey, a roughness map in colour, or floats far outside 0..1; or if the file states a property that cannot be applied, such as a
-/// rotation, a cropped data window or primaries that form no colour space.
+/// normal map in grey, a roughness map in colour, or an albedo with floats far outside 0..1; or if the file states a property that cannot be applied,
+/// such as a rotation, a cropped data window or primaries that form no colour space.
 pub fn read(input: impl BufRead + Seek, path: &Path, reading: Reading) -> Result<Map> {
     let file = || PathBuf::from(shown(path));
     let want = match reading {
@@ -109,7 +109,7 @@ fn colour(stored: Stored) -> std::result::Result<Map, String> {
     }
 }
 
-/// Selects the channel that holds the number, and repeats it in all three channels.
+/// Selects the channel that holds the number, and repeats it in all three channels. `channel`: its index; `None`: the image must be grey.
 fn number(mut stored: Stored, channel: Option<usize>) -> std::result::Result<Stored, String> {
     match channel {
         None if stored.channels > 1 => {
@@ -131,7 +131,7 @@ fn number(mut stored: Stored, channel: Option<usize>) -> std::result::Result<Sto
     Ok(stored)
 }
 
-/// Converts a height map. Heights are relative, so floats outside 0..1, such as metres, are scaled to 0..1.
+/// Converts a height map. Heights are relative. So if some floats lie outside 0..1, as with metres, the heights are scaled to 0..1.
 fn height(stored: Stored) -> std::result::Result<Map, String> {
     // Integer codes always lie in 0..1, so the range is computed only for floats.
     let (low, high) = if stored.encoding == Encoding::Floats { range(&stored.texels, 1) } else { (0.0, 1.0) };
@@ -154,8 +154,8 @@ fn share(stored: Stored, inverted: bool) -> std::result::Result<Map, String> {
     }))
 }
 
-/// Decodes normals: n = 2 value - 1, or n = value if [`is_signed`]. Inverts y if the convention is DirectX, computes z if the file lacks it, and
-/// scales n to unit length. n = 0 becomes the normal of a flat surface.
+/// Decodes normals: n = value if [`is_signed`] is true, otherwise n = 2 value - 1. Inverts y if the convention is DirectX, computes z if the file
+/// lacks it, mirrors vectors that point into the surface, and scales n to unit length. n = 0 becomes the normal of a flat surface.
 fn normal(stored: Stored, convention: Convention) -> std::result::Result<Map, String> {
     refuse_grey(&stored)?;
     let has_z = stored.channels == 3;
@@ -181,12 +181,13 @@ fn share_of(texels: &[[f32; 3]], is: impl Fn(&[f32; 3]) -> bool + Sync) -> f64 {
     count(texels, is) as f64 / texels.len() as f64
 }
 
-/// Refuses a grey image, which is a height or bump map.
+/// Refuses a grey image, which is probably a height or bump map.
 fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
     if stored.channels == 1 {
         return Err("the image is grey, but a normal map needs at least red and green: is it a height or bump map?".to_owned());
     }
-    // A two-channel map of a flat surface may be grey, too, but its values do not vary. So only grey maps whose values vary are refused.
+    // A two-channel map of a flat surface, stored as RGB, may be grey, too, but its values do not vary. So a grey RGB image is refused only if its
+    // values vary.
     let is_grey = share_of(&stored.texels, |t| (t[0] - t[1]).abs() <= EQUAL && (t[0] - t[2]).abs() <= EQUAL) >= NEARLY_ALL;
     let (low, high) = range(&stored.texels, stored.channels);
     if is_grey && high - low > GREY {
@@ -195,10 +196,10 @@ fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Whether the values are n itself rather than (n + 1) / 2. Values that are neither are refused.
+/// Whether the values are the normal n itself rather than (n + 1) / 2. Values outside the range of this reading are refused.
 ///
 /// Floats are n itself if an x or y is below -[`OVERSHOOT`], or if the mean of all x and y is nearer to 0 than to 0.5. The mean of n.x and n.y is
-/// near 0, because a texture is flat on average.
+/// usually near 0, because a texture is flat on average.
 fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     let is_signed = stored.encoding == Encoding::Floats && {
         let sum = stored.texels.iter().map(|t| f64::from(t[0]) + f64::from(t[1])).sum::<f64>();
@@ -212,7 +213,7 @@ fn is_signed(stored: &Stored) -> std::result::Result<bool, String> {
     Ok(is_signed)
 }
 
-/// Whether z is the same everywhere and cannot be that of unit vectors, so that the file is a two-channel map.
+/// Whether z is about the same in nearly all texels and cannot be that of unit vectors, so that the file is a two-channel map.
 fn lacks_z(texels: &[[f32; 3]]) -> bool {
     let is_nearly_always = |is: fn(&[f32; 3]) -> bool| share_of(texels, is) >= NEARLY_ALL;
     is_nearly_always(|t| t[2].abs() <= CONSTANT_Z)
@@ -220,7 +221,7 @@ fn lacks_z(texels: &[[f32; 3]]) -> bool {
         || (is_nearly_always(|t| t[2] >= 1.0 - CONSTANT_Z) && share_of(texels, |t| length(*t) > 1.05) > 1.0 - NEARLY_ALL)
 }
 
-/// Computes z = sqrt(1 - x² - y²).
+/// Computes z = sqrt(1 - x² - y²); 0 where x and y exceed length 1. If they clearly exceed it in more than half of the texels, the map is refused.
 fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     let outside = share_of(&map.texels, |t| t[0].hypot(t[1]) > 1.05);
     if outside > 0.5 {

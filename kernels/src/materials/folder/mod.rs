@@ -1,7 +1,7 @@
 //! Reads materials from folders of image files. The name of a file says which map the file contains.
 //!
 //! [`recognise`] uses only the names, and [`load_maps`] reads the files that `recognise` found. The import of a scene chooses files by
-//! the same rules and also calls `load_maps`, so every material that the import accepts can be drawn.
+//! the same rules, and also calls `load_maps`.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -34,16 +34,17 @@ pub struct Loaded {
 /// Reads the material in a folder and resamples its maps to `size` x `size`.
 ///
 /// The names of the files say which map they contain, in upper or lower case. `albedo`, `normal`, `height` and `roughness` are required.
-/// `ao` is optional; it is used as specular occlusion, which is 1 without it. Names of Poly Haven, ambientCG, Quixel Megascans and others
-/// are recognised, such as `rock_diff_2k` and `Rock030_2K-PNG_NormalGL`. `gloss` is inverted. The channels of `arm`, `orm` and other packed
-/// maps are separated. The green channel of `nor_dx` is inverted.
+/// `ao` is optional and is used as specular occlusion; without `ao`, specular occlusion is 1. Names of Poly Haven, ambientCG, Quixel Megascans
+/// and others are recognised, such as `rock_diff_2k` and `Rock030_2K-PNG_NormalGL`. If there is no roughness map, a `gloss` map is inverted. The
+/// channels of `arm`, `orm` and other packed maps are separated. The green channel of `nor_dx` is inverted.
 ///
-/// Files are .png, .jpg, .tga or .exr. An albedo is sRGB, or linear in .exr. Normals are n = 2 value - 1 or, if an .exr file contains
-/// signed values, n = value. Green is up in the image (OpenGL) unless the name says otherwise. Normals are renormalised, and z is computed
-/// if it is missing. Images are squares of any size up to 8192, and the maps of a material may differ in size. If an image is larger than
-/// `size`, it is averaged over the area of each texel. If it is smaller, it is interpolated bilinearly, wrapping around at the edges. Both
-/// use linear values. The top row of an image becomes the last row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole
-/// material.
+/// Files are .png, .jpg, .jpeg, .tga or .exr. An albedo is linear in .exr; otherwise it is sRGB, unless a PNG file states another gamma. Normals are
+/// n = 2 value - 1 or, if an .exr file contains signed values, n = value. Green is up in the image (OpenGL), unless the name states DirectX. Normals
+/// are renormalised, and z is computed if it is missing.
+///
+/// Images are squares of any size up to 8192, and the maps of a material may differ in size. Linear values are resampled: if an image is larger than
+/// `size`, it is averaged over the area of each texel; if it is smaller, it is interpolated bilinearly, wrapping around at the edges. The top row of
+/// an image becomes the last row, at v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
 ///
 /// # Errors
 /// An error of [`recognise`], as [`Error::Material`] with this `name`, or an error of [`load_maps`].

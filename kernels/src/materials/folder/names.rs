@@ -3,7 +3,7 @@
 //! The name is split into words at every character that is neither a letter nor a digit, and where a capital letter begins a word
 //! (`NormalGL`). Words that describe only the file (`2K`, `JPG`, `LOD0`, `16bit`) are not part of the name of the map or of the material.
 //! If several words name a map, the last ones take precedence, because the name of a material may contain such words, as `rough_linen` and
-//! `metal_plate` do. All other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
+//! `metal_plate` do. The other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
 //! Megascans, Poliigon, Substance and glTF.
 
 /// The direction of a normal map's y axis in the image. The green channel holds y.
@@ -49,11 +49,11 @@ pub(super) struct Label {
     pub(super) kind: Kind,
     /// The words that name the material, joined by `_`; empty if there are none.
     pub(super) material: String,
-    /// Edge of the image in texels.
+    /// Edge of the image in texels, if stated.
     pub(super) resolution: Option<u32>,
-    /// Number of the level of detail; 0 is the finest.
+    /// Number of the level of detail, if stated; 0 is the finest.
     pub(super) lod: Option<u32>,
-    /// Size of one repeat of the texture, metres.
+    /// Size of one repeat of the texture, metres, if stated.
     pub(super) tile_m: Option<f64>,
 }
 
@@ -110,7 +110,7 @@ const MAPS: &[(&[&str], Kind)] = &[
     (&["preview", "thumb", "thumbnail", "sphere", "render"], Kind::Other("a preview")),
 ];
 
-/// Largest number of words that together name a map: `normal_map_direct_x`.
+/// Largest number of words that together name a map, as in `normal_map_direct_x`.
 const MOST_WORDS: usize = 4;
 
 /// Words that say nothing about the map or the material.
@@ -224,7 +224,8 @@ fn number_after(prefix: &str, word: &str) -> Option<u32> {
     word.strip_prefix(prefix)?.parse().ok()
 }
 
-/// A length in metres, from a word such as `2m`, `1.5m` or `250cm`. A word after a number (`before`) is no length: the `5m` of `1_5m` may mean 1.5 m.
+/// A length in metres, from a word such as `2m`, `1.5m` or `250cm`. `before`: the previous word. After a number, a word is no length: in `1_5m`, the
+/// word `5m` may be part of 1.5 m.
 fn metres_in(word: &str, before: &str) -> Option<f64> {
     let (number, unit_m) = match word.strip_suffix("cm") {
         Some(number) => (number, 0.01),

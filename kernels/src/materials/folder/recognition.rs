@@ -26,15 +26,15 @@ const MOST_NAMES: usize = 8;
 /// How the texels of a file become a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// Albedo: sRGB, unless the file says otherwise.
+    /// Albedo: linear in OpenEXR files; otherwise sRGB, unless a PNG file states another gamma.
     Colour,
     /// A normal map.
     Normal(Convention),
-    /// Heights in this channel of an image, 0 = red; `None`: in a grey image.
+    /// Heights in this channel of an image, 0 = red; `None`: the image is grey, perhaps stored as RGB.
     Height(Option<usize>),
     /// Values from 0 to 1 in one channel of an image.
     Share {
-        /// The channel, 0 = red; `None`: the image is grey.
+        /// The channel, 0 = red; `None`: the image is grey, perhaps stored as RGB.
         channel: Option<usize>,
         /// Whether the map is 1 minus the value.
         inverted: bool,
@@ -102,7 +102,7 @@ pub struct Recognised {
     pub roughness: Source,
     /// Ambient occlusion; optional.
     pub occlusion: Option<Source>,
-    /// Texts in the folder.
+    /// Texts in the same folder.
     pub notes: Vec<PathBuf>,
     /// Files that are not used, with the reasons.
     pub unused: Vec<Unused>,
@@ -199,8 +199,8 @@ impl Candidate {
 /// The files of a folder that belong to one material, before one file per map is chosen.
 #[derive(Clone, Debug)]
 pub struct Set {
-    /// Name of the material, as the name of an albedo file states it or, without an albedo, the name of another file; empty if that name states no
-    /// material.
+    /// Name of the material, from the name of an albedo file or, without an albedo, of another file. It is empty if the name of this file contains
+    /// no material.
     pub name: String,
     candidates: Vec<Candidate>,
     notes: Vec<PathBuf>,
@@ -218,8 +218,8 @@ pub struct Sorted {
 /// Sorts the files of one folder by the materials in their names.
 ///
 /// Only images whose names state a usable map are put into sets. The folder holds several materials if at least two materials in the names each
-/// have an albedo and another usable map. Each of these materials then forms a set, and the remaining images are unused. Otherwise, all these
-/// images form one set.
+/// have an albedo and another usable map. Each of these materials then forms a set, and the remaining images are unused. Otherwise, all images with
+/// a usable map form one set.
 pub fn sort_out(files: &[PathBuf]) -> Sorted {
     let mut sorted = Sorted::default();
     let mut notes = Vec::new();
@@ -310,7 +310,7 @@ impl Set {
     /// packed map if they have no separate file.
     ///
     /// # Errors
-    /// One line: a required map is missing (the message lists the files of the folder), several files remain for one map, or the format of the only
+    /// One line: a required map is missing (the message lists files of the folder), several files remain for one map, or the format of the chosen
     /// file of a map cannot be read.
     pub fn choose(self, folder: &Path, files: &[PathBuf]) -> Result<Recognised, String> {
         let mut chooser = Chooser { left: self.candidates, owner: None, unused: Vec::new(), folder };
@@ -443,7 +443,7 @@ impl Chooser<'_> {
         Ok(Some(found))
     }
 
-    /// Keeps the candidates with the lowest rank.
+    /// Keeps the candidates with the lowest rank. The others are listed as unused, with this reason.
     fn prefer(&mut self, found: &mut Vec<Candidate>, rank: impl Fn(&Candidate) -> u32, reason: &str) {
         let Some(lowest) = found.iter().map(&rank).min() else { return };
         let (kept, dropped): (Vec<_>, Vec<_>) = mem::take(found).into_iter().partition(|c| rank(c) == lowest);

@@ -1,4 +1,4 @@
-// Virtual texture: the blend of materials seen from above, sampled from cached pages with 4 fetches.
+// Virtual texture: the blend of materials seen from above, sampled from cached pages. 4 fetches if the page of the footprint's level is cached.
 
 fn shade_virtual_texture(pixel: Pixel) -> Surface {
     let place = pixel.footprint.place;
