@@ -242,19 +242,23 @@ const CASES: &[Case] = &[
         // each, so about 0.1 such rows are expected.
         other_side_at_most: 4,
         mutants: &[
-            // Each mutant plants one fault. In the order of the list: the blend of two scales is not transformed back to a uniform distribution; the
-            // coarse scale is blended with itself; the seed is hashed without the salt; a sector has one cell too few; an axis along which the
-            // position does not change has the smallest cells; cells may be smaller than the distance between neighbouring f32 values at the
-            // elevation; the same at the position in a sector; along the elevation, borders between cells lie exactly at multiples of the cell's
-            // height; the finest scale changes exactly at powers of two.
+            // The first threshold of the blend of two scales is not made uniform again.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
+            // The coarse scale is blended with itself.
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
+            // The seed is hashed without the salt.
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
+            // A sector has one cell too few.
             ("noise", "bitcast<u32>(sector) * cells_per_sector +", "bitcast<u32>(sector) * (cells_per_sector - 1u) +"),
+            // An axis along which the position does not change has the smallest cells.
             ("noise", "max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))))", "width"),
+            // Along the elevation, cells may be narrower than the distance between neighbouring f32 values.
             ("noise", "vec3<i32>(across, across, noise_finest_along(usable_1(elevation)))", "vec3<i32>(across)"),
+            // Along east and north, cells may be narrower than the distance between neighbouring f32 values.
             ("noise", "let across = noise_finest_along(usable_positive_1(sector_m, 1e12));", "let across = i32(NOISE_LEVEL_MAX);"),
+            // Along the elevation, borders lie exactly at multiples of the height of a cell.
             ("noise", "scaled - floor(scaled) >= NOISE_BORDER", "false"),
+            // The finest scale changes exactly at powers of two.
             ("noise", "(bits & 0x7fffffu) >= NOISE_OCTAVE_BORDER", "false"),
         ],
     },
@@ -1236,7 +1240,8 @@ fn reprojection_agrees() {
 
 // ---------------------------------------------------------------- classification
 
-/// For each pixel of a picture: the mask of the flavours that it needs, and whether it shows terrain, as the geometry pass would write them.
+/// For each pixel of a picture: a mask of flavours, and whether it shows terrain, in the formats of the geometry pass. Masks are random, also those of
+/// sky.
 struct Scenery {
     size: [u32; 2],
     mask: Vec<u8>,
@@ -1483,7 +1488,9 @@ fn classification_comparison_notices_differences() {
 #[test]
 fn edges_of_shared_functions() {
     // Each expression has the value that the comment of its function defines. `row[0]` is NaN.
-    const EDGES: [(&str, f32); 12] = [
+    const PAST: &str =
+        "MotionPast(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0), 0.0, vec3<f32>(1e12, 0.0, 0.0), 0.0, vec3<f32>(0.0, 1.0, 0.0), 0.0)";
+    const EDGES: [(&str, f32); 17] = [
         // A flavour whose weight equals the threshold is not in the set, for each of the five. The far atlas then stands alone.
         ("f32(flavour_mask(array<f32, 5>(FLAVOUR_MIN_WEIGHT, 0.0, 0.0, 0.0, 1.0)))", 16.0),
         ("f32(flavour_mask(array<f32, 5>(0.0, FLAVOUR_MIN_WEIGHT, 0.0, 0.0, 1.0)))", 16.0),
@@ -1497,11 +1504,18 @@ fn edges_of_shared_functions() {
         ("f32(motion_same_surface(0.0, 1.0, 1.0))", 0.0),
         ("f32(motion_same_surface(1.0, 0.0, 1.0))", 0.0),
         ("f32(motion_same_surface(2.0, 1.0, 1.0))", 1.0),
+        // A pixel beyond 1e9 is not in the picture, and neither is a point behind the camera.
+        ("motion_reproject(vec3<f32>(1.0, 0.0, 1.0), PAST).x", -1e9),
+        ("motion_reproject(vec3<f32>(1.0, 0.0, 1.0), PAST).y", -1e9),
+        ("motion_reproject(vec3<f32>(0.0, 1.0, -1.0), PAST).x", -1e9),
+        ("motion_reproject(vec3<f32>(0.0, 1.0, -1.0), PAST).y", -1e9),
+        // A texel whose bilinear weight equals the least one does not count, even if it is by far the highest.
+        ("splat_blend_weights(vec2<f32>(SPLAT_BLEND_MIN_WEIGHT, 0.0), vec4<f32>(0.0, 1.0, 0.0, 0.0), 1000.0).y", 0.0),
         // The blend of two random numbers is made uniform up to the largest number.
         ("noise_correct(1.0, 0.5)", 0.999_999_94),
         ("noise_correct(0.0, 0.5)", 0.0),
     ];
-    let values = EDGES.map(|(expression, _)| expression).join(", ");
+    let values = EDGES.map(|(expression, _)| expression).join(", ").replace("PAST", PAST);
     let body = format!("fn probe(row: array<f32, 1>) -> array<f32, {0}> {{ return array<f32, {0}>({values}); }}", EDGES.len());
     let found = table::run(gpu(), &body, &[f32::NAN], 1, EDGES.len()).expect("the WGSL compiles");
     for ((expression, expected), found) in EDGES.iter().zip(found) {

@@ -254,8 +254,8 @@ fn estimators_agree_where_they_are_defined_alike() {
     assert!(flat.len() > 250 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
     let within =
         |a: &Picture, b: &Picture, at: &[usize]| at.iter().filter(|&&i| difference(a, b, i) <= 2.0).count() as f64 / at.len() as f64;
-    // Where the shading normal differs much from the triangle's normal, these estimators may mix projections although the ground is flat. The test
-    // accepts this on a hundredth of the pixels.
+    // Where the shading normal differs much from the triangle's normal, an estimator may use a horizontal projection although the ground is flat. The
+    // test accepts this on a hundredth of the pixels.
     assert!(within(&layered, &mean, &flat) > 0.99, "layers: {}", within(&layered, &mean, &flat));
     assert!(within(&snapped, &two, &flat) > 0.99, "snapped: {}", within(&snapped, &two, &flat));
     // If all four texels have the same material, blending in bands (`Laplacian`) must give this material.

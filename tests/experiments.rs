@@ -239,7 +239,7 @@ fn wrong_definitions_are_refused_with_line_key_and_remedy() {
             assert!(refused.contains(part), "`{to}`: `{part}` is not in: {refused}");
         }
         assert!(refused.starts_with("experiment trial.toml:") && refused.lines().count() == 1, "{refused}");
-        // The error must name a changed line, a line that contains the key of the error, or the line of `[set]`.
+        // The error must name a line at the change, a line that contains the last word of the expected text, or the line of `[set]`.
         let named: usize = refused["experiment trial.toml:".len()..].split(':').next().unwrap().parse().expect("a line number");
         let key = says[0].split([',', ' ']).next_back().unwrap_or_default();
         let start = TEXT[..TEXT.find(from).unwrap()].lines().count().max(1);

@@ -2,7 +2,8 @@
 //! shader. The thresholds of each kind must be distributed over pixels and frames as the name of the kind says.
 //!
 //! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
-//! (Sidak). Single tests state their own level. Each family also has a control: a mutant that it must reject, or noise that it must accept.
+//! (Sidak). A test of a single hypothesis states its own level; other statistics are compared with fixed
+//! bounds. Each family also has a control: a mutant that it must reject, or noise that it must accept.
 //! `noise_stability` tests that the numbers are uniform and independent, `shared` tests how hashed cells depend on scale and position, `agreement`
 //! compares the shader with the reference, and `noise_frame` tests that the renderer uses the requested kind.
 

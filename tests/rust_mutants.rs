@@ -220,7 +220,7 @@ struct Tree {
 }
 
 impl Tree {
-    /// Copies the project, or brings an earlier copy up to date.
+    /// Copies what cargo needs of the project, or brings an earlier copy up to date.
     fn new(root: &Path) -> Result<Tree> {
         let folder = root.join("target/mutants");
         let tree = Tree {

@@ -1,11 +1,16 @@
 //! Tests of the functions of `view/frame.wgsl` and `view/full_screen.wgsl`: how the two normals of a pixel are written and read, rays, and the triangle
-//! of a full-screen pass. Passes use these functions with a uniform buffer; here, the uniforms are a private variable that each row sets.
+//! of a full-screen pass; also where the samples of pixels lie (`terrain/footprint.wgsl`). Passes use these functions with a uniform buffer; here, the
+//! uniforms are a private variable that each row sets.
 
+use glam::{DVec2, DVec3};
+use kernels::base::wgsl::{self, Wgsl};
 use kernels::probe::table::{Cells, Table};
 use kernels::shared::{hash, normal_pair, octahedral, view};
+use kernels::temporal::SamplePattern;
+use kernels::terrain::FOOTPRINT_WGSL;
 use kernels::view::normals::NormalEncoding;
 
-use crate::fixtures::{gpu, wgsl_text};
+use crate::fixtures::{self, gpu, wgsl_text};
 
 /// Numbers of a row: the code of the encoding, shading normal, normal of the plane, ray, and a pixel.
 const INPUTS: usize = 12;
@@ -13,6 +18,9 @@ const INPUTS: usize = 12;
 const RESULTS: usize = 13;
 /// The rays of the camera: through pixel (0, 0), and the steps per pixel to the right and down.
 const RAYS: [[f32; 3]; 3] = [[-0.75, 0.5, 1.0], [0.01, 0.0015, -0.002], [0.003, -0.02, 0.0005]];
+
+/// The declaration of the uniforms, which a test replaces.
+const BINDING: &str = "@group(0) @binding(0) var<uniform> frame: Frame;";
 
 /// Returns a number from -1 to 1 that is a multiple of 2^-24.
 fn random(row: u32, column: u32) -> f32 {
@@ -38,18 +46,6 @@ fn rows() -> Vec<[f32; INPUTS]> {
     (0..6000).map(row).collect()
 }
 
-/// The WGSL of both files, with uniforms that a shader can set.
-fn wgsl() -> String {
-    let binding = "@group(0) @binding(0) var<uniform> frame: Frame;";
-    let frame = wgsl_text(&kernels::view::WGSL);
-    assert!(frame.contains(binding), "frame.wgsl declares its uniforms in another way");
-    let constants: String = NormalEncoding::ALL
-        .into_iter()
-        .map(|encoding| format!("const NORMALS_{}: u32 = {}u;\n", encoding.name().to_uppercase().replace('-', "_"), encoding.code()))
-        .collect();
-    constants + &frame.replace(binding, "var<private> frame: Frame;") + &wgsl_text(&kernels::view::FULL_SCREEN)
-}
-
 /// The largest difference between the components of two vectors.
 fn off(found: &[f32], expected: [f64; 3]) -> f64 {
     found.iter().zip(expected).map(|(found, expected)| (f64::from(*found) - expected).abs()).fold(0.0, f64::max)
@@ -71,7 +67,7 @@ fn probe(row: array<f32, {INPUTS}>) -> array<f32, {RESULTS}> {{
     let ray = frame_ray(vec2<f32>(row[10], row[11]));
     return array<f32, {RESULTS}>(texel.x, texel.y, texel.z, texel.w, shading.x, shading.y, shading.z, plane.x, plane.y, plane.z, ray.x, ray.y, ray.z);
 }}",
-        wgsl(),
+        module(&kernels::view::WGSL),
         vector(RAYS[0]),
         vector(RAYS[1]),
         vector(RAYS[2]),
@@ -134,4 +130,126 @@ fn the_triangle_of_a_full_screen_pass_covers_the_screen() {
     let found: Vec<f32> = found.into_iter().map(f32::from_bits).collect();
     // The right angle is at the lower left corner of the screen, and the hypotenuse passes through the upper right corner.
     assert_eq!(found, [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0]);
+}
+
+/// The WGSL of a file and of the files that it needs, except the shared functions, which a table already has.
+fn module(file: &'static Wgsl) -> String {
+    let text = |piece: wgsl::Piece| {
+        let planted = fixtures::wgsl_files().into_iter().find(|file| file.path == piece.path).map(wgsl_text);
+        planted.unwrap_or(piece.text)
+    };
+    let own: String = wgsl::pieces(&[file]).into_iter().filter(|piece| !piece.path.starts_with("shared/")).map(text).collect();
+    assert!(own.contains(BINDING), "the module has no uniforms of a frame");
+    own.replace(BINDING, "var<private> frame: Frame;")
+}
+
+#[test]
+fn samples_of_pixels_equal_their_reference() {
+    let body = format!(
+        "{}
+fn probe(row: array<f32, 3>) -> array<f32, 2> {{
+    frame.sample_pattern = u32(row[0]);
+    let offset = surface_sample_offset(vec2<u32>(u32(row[1]), u32(row[2])));
+    return array<f32, 2>(offset.x, offset.y);
+}}",
+        module(&FOOTPRINT_WGSL)
+    );
+    let patterns = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges];
+    let rows: Vec<(SamplePattern, [u32; 2])> = (0..75).map(|i| (patterns[i as usize / 25], [i % 5, i / 5 % 5])).collect();
+    let inputs: Vec<u32> = rows.iter().flat_map(|(pattern, [x, y])| [pattern.code(), *x, *y].map(|x| (x as f32).to_bits())).collect();
+    let found = Table::new(gpu(), &body, [3, 2], Cells::Reals).expect("the WGSL compiles").run(&inputs).expect("the device works");
+    for ((pattern, pixel), found) in rows.iter().zip(found.chunks_exact(2)) {
+        let [expected, found] = [pattern.offset(*pixel), [found[0], found[1]].map(|bits| f64::from(f32::from_bits(bits)))];
+        assert!((0..2).all(|axis| (found[axis] - expected[axis]).abs() < 1e-7), "{pattern:?} {pixel:?}: {found:?}, not {expected:?}");
+    }
+}
+
+#[test]
+fn footprints_lie_on_the_plane_that_the_centre_of_the_pixel_sees() {
+    // The sector is 64 m wide, and the camera is in its middle, 40 m up. The position of the result is in another sector where the ray leaves it.
+    const SECTOR_M: f64 = 64.0;
+    const EYE: DVec3 = DVec3::new(32.0, 32.0, 40.0);
+    const NEAR_M: f64 = 0.1;
+    let vector = |values: [f32; 3]| format!("vec3<f32>({:?}, {:?}, {:?})", values[0], values[1], values[2]);
+    let body = format!(
+        "{}
+fn probe(row: array<f32, 7>) -> array<f32, 11> {{
+    frame.sample_pattern = u32(row[0]);
+    frame.normals = NORMALS_EXACT;
+    frame.sector_m = {SECTOR_M:?};
+    frame.camera_sector = vec2<i32>(7, 9);
+    frame.camera = vec3<f32>({:?}, {:?}, {:?});
+    frame.near_m = {NEAR_M:?};
+    frame.ray_00 = {};
+    frame.ray_dx = {};
+    frame.ray_dy = {};
+    let plane = vec3<f32>(row[4], row[5], row[6]);
+    let found = surface_footprint(vec2<u32>(u32(row[1]), u32(row[2])), row[3], frame_normals(plane, plane, plane));
+    let place = found.place;
+    return array<f32, 11>(f32(place.sector.x), f32(place.sector.y), place.position.x, place.position.y, place.position.z,
+        found.ddx.x, found.ddx.y, found.ddx.z, found.ddy.x, found.ddy.y, found.ddy.z);
+}}",
+        module(&FOOTPRINT_WGSL),
+        EYE.x,
+        EYE.y,
+        EYE.z,
+        vector(RAYS[0]),
+        vector(RAYS[1]),
+        vector(RAYS[2]),
+    );
+    let rays = RAYS.map(|ray| DVec3::from_array(ray.map(f64::from)));
+    let patterns = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges];
+    let row = |index: u32| {
+        let pixel = [index / 3 % 93, index / 7 % 61];
+        // From planes that face the camera to planes that are nearly parallel to the ray.
+        let ray = rays[0] + rays[1] * f64::from(pixel[0]) + rays[2] * f64::from(pixel[1]);
+        let random = DVec3::from_array([0, 1, 2].map(|column| f64::from(random(index, column))));
+        let normal = (random - ray * random.dot(ray) / ray.length_squared() * f64::from(index % 11) / 10.1).normalize();
+        (patterns[index as usize % 3], pixel, 2.0 + f64::from(index % 200), normal)
+    };
+    let rows: Vec<_> = (0..3000).map(row).collect();
+    let cells = |(pattern, [x, y], distance, normal): &(SamplePattern, [u32; 2], f64, DVec3)| {
+        [f64::from(pattern.code()), f64::from(*x), f64::from(*y), NEAR_M / distance, normal.x, normal.y, normal.z]
+            .map(|x| (x as f32).to_bits())
+    };
+    let inputs: Vec<u32> = rows.iter().flat_map(cells).collect();
+    let found = Table::new(gpu(), &body, [7, 11], Cells::Reals).expect("the WGSL compiles").run(&inputs).expect("the device works");
+    let (mut limited, mut moved) = (0, 0);
+    for ((pattern, pixel, distance, normal), found) in rows.iter().zip(found.chunks_exact(11)) {
+        let found: Vec<f64> = found.iter().map(|bits| f64::from(f32::from_bits(*bits))).collect();
+        let sectors = DVec2::new(found[0] - 7.0, found[1] - 9.0);
+        let inside = DVec2::new(found[2], found[3]);
+        assert!(inside.min_element() >= 0.0 && inside.max_element() <= SECTOR_M, "{inside:?} is outside its sector");
+        let position = (inside + sectors * SECTOR_M).extend(found[4]);
+        let through = |x: f64, y: f64| rays[0] + rays[1] * x + rays[2] * y;
+        let [x, y] = pixel.map(f64::from);
+        let [dx, dy] = pattern.offset(*pixel);
+        let (centre, ray) = (through(x, y), through(x + dx, y + dy));
+        // The point that a ray hits on the plane through the point at the centre, as a multiple of the ray.
+        let hit = |ray: DVec3| distance * normal.dot(centre) / normal.dot(ray);
+        let t = hit(ray).clamp(0.5 * distance, 2.0 * distance);
+        limited += usize::from(t != hit(ray));
+        moved += usize::from(sectors != DVec2::ZERO);
+        // The plane is known within 3e-7 and the ray within 1e-6 of their lengths. Both errors change t by 2e-6 t |ray| / |cos|, where cos is the cosine
+        // of ray and normal; this is also the error of a derivative, which grows with 1 / cos a second time.
+        let cosine = |ray: DVec3| normal.dot(ray).abs() / ray.length();
+        let flat = cosine(ray).min(cosine(centre));
+        let error = position.distance(EYE + ray * t);
+        assert!(error <= 1e-5 + 4e-6 * t * ray.length() / flat, "{pattern:?}, {pixel:?}, {distance} m, cosine {flat}: {error} m off");
+        // A derivative leads to the point of the plane through the sample that the ray of the neighbouring pixel hits.
+        for (step, found) in rays[1..].iter().zip([&found[5..8], &found[8..11]]) {
+            let neighbour = ray + *step;
+            let steep = flat.min(cosine(neighbour));
+            if steep < 0.02 {
+                continue;
+            }
+            let expected = neighbour * (t * normal.dot(ray) / normal.dot(neighbour)) - ray * t;
+            let error = (DVec3::new(found[0], found[1], found[2]) - expected).length();
+            assert!(
+                error <= 8e-6 * t * ray.length() / (steep * steep),
+                "{pattern:?}, {pixel:?}, {distance} m, cosine {steep}: {error} m off {expected:?}"
+            );
+        }
+    }
+    assert!(limited > 5 && moved > 500, "{limited} limited, {moved} in another sector");
 }

@@ -26,7 +26,7 @@ const LEAST_AREAS: usize = 30;
 const GROUPS: usize = 8;
 /// Largest number of draws of random signs.
 const DRAWS: u32 = 1 << 18;
-/// Random signs are drawn until this many draws give a mean square that is at least as large as the measured one.
+/// Drawing ends early when this many draws have given a mean square that is at least as large as the measured one.
 const ENOUGH: u32 = 10;
 /// Number of areas whose random signs come from one hash of four words. The signs of the sums of an area come from one byte, and each word gives
 /// three bytes. Its lowest byte is not used, because the lowest bits of this hash are not random enough.

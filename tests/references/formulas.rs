@@ -457,7 +457,8 @@ fn rays_meet_planes_only_before_the_camera_and_not_edge_on() {
     for distance in [motion::MIN_DISTANCE, motion::FAR] {
         assert_eq!(met([0.0, distance, 0.0], [0.0, 1.0, 0.0], facing), 0.0, "exactly at a limit");
     }
-    // A plane counts as edge-on if the cosine between the ray, of any length, and its normal is at most 1e-6.
+    // A plane counts as edge-on if the cosine of the angle between its normal and the ray has a magnitude of at most 1e-6. The length of the ray does
+    // not matter.
     assert_eq!(met([2.0, 5.0, 4.0], [1.0, 0.0, 0.0], [1e-6, 1.0, 0.0]), 0.0);
     assert_eq!(met([2.0, 5.0, 4.0], [100.0, 0.0, 0.0], [5e-7, 1.0, 0.0]), 0.0);
     let found = met([2.0, 5.0, 4.0], [100.0, 0.0, 0.0], [2e-6, 1.0, 0.0]);

@@ -15,6 +15,7 @@ use crate::model::flight::Orbit;
 use crate::model::panes::{Pane, tree_id};
 use crate::model::picture::Wish;
 use crate::model::state::Model;
+use crate::model::times::Load;
 use crate::panels::{self, COMMAND, Panels};
 
 /// The application.
@@ -56,6 +57,10 @@ impl Workbench {
     /// Copies the latest report of the drawing thread into the model, and a new picture into textures.
     fn listen(&mut self, ctx: &egui::Context) {
         self.model.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
+        if !self.model.clock.runs() {
+            // The time to the next picture is then up to the user.
+            self.last_shown = None;
+        }
         let before = self.model.news.shown.take();
         self.model.news = self.engine.news();
         self.model.settle_opening();
@@ -79,9 +84,8 @@ impl Workbench {
             }
         }
         let now = Instant::now();
-        if let Some(last) = self.last_shown.replace(now) {
-            self.model.picture_took(now - last);
-        }
+        let interval = self.last_shown.replace(now).map(|last| now - last);
+        self.model.times.add(Load::of(&shown.wish, shown.draft), shown.took, interval, &shown.picture.report.passes);
     }
 
     /// Requests the picture that the controls describe, unless it cannot be drawn or was the last one to be requested.

@@ -223,8 +223,8 @@ fn sample_point(i: u32) -> [f64; 2] {
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums over the samples: of the colours, which are averaged, and of the times of passes. The sums are in f64, so that sums of thousands of samples
-/// stay accurate.
+/// Sums of colours and of pass times over the samples of a reference. Their means are the reference. The sums are in f64, so that they stay accurate
+/// with thousands of samples.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,

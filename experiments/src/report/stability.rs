@@ -243,7 +243,8 @@ fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     }
 }
 
-/// Returns the table of measures whose largest errors, or whose numbers of rows on the other side of a threshold, differ between devices.
+/// Returns the table of the measures that differ between devices, in the largest error or in the number of rows that take the other side of a branch
+/// than the reference.
 fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut rows = Vec::new();
     let mut alike = 0;

@@ -142,7 +142,7 @@ pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, ALBEDO, metrics::CL
 pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, Of::Shown, "history rejected");
 
 impl Metric {
-    /// Returns the same metric of a given signal, regardless of the signal that the report shows.
+    /// Returns this metric for a fixed signal. Without it, a metric is that of the signal that the report shows.
     pub(super) fn of(self, signal: Signal) -> Metric {
         Metric { of: Of::Given(signal), ..self }
     }
@@ -393,7 +393,7 @@ pub(super) struct Table {
     pub(super) doubles: usize,
     /// Number of values that are means over frames, computed by the report.
     pub(super) averaged: usize,
-    /// Number of rows whose value is NaN, and copies of the first few. They are left out of every mean, plot and comparison.
+    /// Number of rows whose value is NaN, and copies of the first few. They are left out of means and plots, and they are not ranked.
     pub(super) without_number: (usize, Vec<Row>),
     /// The signals that the run measures.
     pub(super) signals: Vec<Signal>,

@@ -65,7 +65,7 @@ fn drawing(summary: &Summary) -> Vec<Flavour> {
     }
 }
 
-/// Whether a choice that may draw random numbers does so. A choice with forced flavours does, because forced flavours cover all pixels. In an
+/// Whether a choice that may draw random numbers is known to do so. A choice with forced flavours does, because forced flavours cover all pixels. In an
 /// automatic choice, it is possible that no pixel has a random flavour. A choice whose value of `metric` is NaN counts as random, so that a check
 /// reports it.
 fn is_random(summary: &Summary, metric: Metric) -> bool {

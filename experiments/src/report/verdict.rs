@@ -1324,7 +1324,7 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("(64 % fewer), and its shading is 2.533 \u{b1} 0.050 times as fast as full splat's"), "{text}");
-        // A list is shortened if the front has more choices than its limit. The number of omitted choices is given.
+        // If the Pareto front has too many choices, the verdict omits some and gives their number.
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff", "ground"], &["hashed"])));
         assert!(text.contains("more between them"), "{text}");
         // A variant whose choices have equal numbers with all noises is named once.
@@ -1531,7 +1531,7 @@ mod tests {
     #[test]
     fn a_resolve_is_held_against_none() {
         let row = |noise: &str, temporal: &str| Row { noise: noise.to_owned(), temporal: temporal.to_owned(), ..variant("far-cliff") };
-        // Added change with a standard error of 1 %, lost change, perceived noise with a standard error of 1 %, flip rate.
+        // A row has four metrics: added change, lost change, perceived noise, and flip rate. The first and the third have a standard error of 1 %.
         let numbers = |added: f64, lost: f64, perceived: f64| {
             vec![adds(added, 0.01 * added), ("lost", lost, None), seen(perceived, 0.01 * perceived), ("flip_rate", 0.3, None)]
         };

@@ -276,7 +276,7 @@ impl Runner<'_> {
                         None => {
                             // One map is stored, because `auto` and `generic` choose the same variant for each tile.
                             if !mapped {
-                                // Pictures show the last signal, which is the lit picture, if it is measured.
+                                // If several signals are measured, the picture shows the last one: the lit picture.
                                 let shown = meter.streams.len() - choices.len() + stream;
                                 let codes = pictures::displayed(&meter.picture(self.gpu, shown, 0)?, meter.streams[shown].track.signal);
                                 let sets = costs::tile_sets(&masks, judged.view.size, stage.choices.tile);

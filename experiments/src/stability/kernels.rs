@@ -29,8 +29,8 @@ pub struct Finding {
     pub not_finite: usize,
     /// Number of rows whose result differs from the reference in f64 by more than the derived tolerance.
     pub differ: usize,
-    /// Number of rows for which errors are measured. Errors are not measured if results must only be finite, if an input or a result is not
-    /// finite, or if the row counts as `other_side`.
+    /// Number of rows for which errors are measured. Three kinds of rows are left out: rows of cases that only
+    /// require finite results, rows with an input or a result that is not finite, and rows that count as `other_side`.
     pub compared: usize,
     /// Number of rows for which result and reference lie on different sides of a threshold, and the threshold lies within the tolerance.
     pub other_side: usize,
@@ -191,7 +191,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     Compared { finite, verdict, ulp, errors }
 }
 
-/// Returns the largest value and the median. Both are 0 if there are no values.
+/// Returns the largest value and the median, which is the larger of the two middle values if their number is even. Both are 0 if there are no values.
 fn worst_and_median(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let median = values.get(values.len() / 2).copied().unwrap_or(0.0);

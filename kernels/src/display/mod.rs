@@ -67,8 +67,8 @@ table! {
         /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. It affects the metrics of the lit picture in
         /// experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the workbench.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
-        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip`, which clips radiance above 1. It affects the
-        /// metrics of the lit picture in experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the
+        /// Curve that maps radiance, after exposure, to the screen. `reinhard`: Reinhard's curve on luminance, with white at 4. `clip`: no curve;
+        /// values above 1 are clipped. It affects the metrics of the lit picture in experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the
         /// workbench.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }

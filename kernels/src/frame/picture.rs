@@ -201,7 +201,7 @@ impl Picture {
                 let drawn = DrawnLevels::of(&frame);
                 let found: Vec<Option<(u8, u32)>> =
                     inspected.iter().map(|i| if terrain(i) { drawn.at(i.position) } else { None }).collect();
-                // The layers hold the LOD of the drawn node, and the vertex stride of the drawn patch; -1 and 0 = no terrain.
+                // Layer `lod`: the LOD of the drawn node; -1 = no terrain. Layer `stride`: the vertex stride of the drawn patch; 0 = no terrain.
                 if wanted.has("lod") {
                     add("lod", Layer::Value(found.iter().map(|found| found.map_or(-1.0, |(lod, _)| f32::from(lod))).collect()));
                 }

@@ -42,7 +42,9 @@ table! {
         /// The settings that stages declare.
         stages: StageSettings,
     {
-        /// The variant that shades all tiles of the terrain. `auto`: each tile is shaded by the variant that its pixels need.
+        /// The variant that shades all tiles of the terrain. `auto`: each tile is shaded by the variant that its pixels need. In a
+        /// definition, `variants` must be given; it also accepts `all` (the 31 variants), `generic` (the generic kernel), and `generic-` followed by
+        /// a variant.
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
         /// Shade with one generic pipeline, which reads the flavours of each tile at run time, instead of one pipeline per variant.
         generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
@@ -70,11 +72,12 @@ table! {
         /// Smallest vertex stride of a patch. With a stride of n, every n-th vertex along the side of a patch is drawn. Textures keep their
         /// resolution, but ridges lose detail. On a software adapter, the default of the workbench is 4.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
-        /// Draw fewer vertices of a patch if this moves its ground by at most this distance on the screen. The limit does not hold along sides at
-        /// which patches with different vertices meet. 0: this setting has no effect.
+        /// Draw fewer vertices of a patch if this moves its ground by at most this distance on the screen. Where a patch
+        /// meets a patch with wider spacing of vertices, its ground may move farther. 0: this setting has no effect.
         geometry_error: f64 = 0.0, "px", Kind::Number(Range::new(0.0, 16.0)), GEOMETRY.slider("Geometry error", 0.0, 2.0);
         /// Which terrain nodes can be drawn. `settled`: all nodes, so each picture waits for its nodes. `scheduled`: the nodes that have arrived, so
-        /// pictures of a moving camera show coarser ground where nodes are late. A sequence starts with the nodes of its first picture.
+        /// pictures of a moving camera show coarser ground where nodes are late. All nodes that the first picture of a sequence
+        /// needs have already arrived.
         residency: Loading = Loading::Settled, "", Kind::Name(|| Loading::ALL.map(Loading::name).to_vec()), STREAMED;
         /// Largest number of nodes that are requested per frame if residency is scheduled.
         nodes_per_frame: u32 = Schedule::default().nodes_per_frame, "", Kind::Whole(1, CAPACITY), STREAMED;

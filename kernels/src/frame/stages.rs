@@ -149,8 +149,7 @@ impl Rebuilt {
         let (made, complaint) = build.gpu.caught(|| stage.rebuilt(build));
         let exchange = made?;
         if let Some(what) = complaint {
-            // The module is valid, but no pipeline can be built from it: an entry point, a binding or a target is wrong. Such an error has no line
-            // number.
+            // The module is valid, but no pipeline can be built from it, for example because a binding is wrong. Such an error has no line number.
             return Err(Error::Gpu(format!("shader {}: {}: {what}", S::DECLARATION.name, touched.join(", "))));
         }
         self.names.push(S::DECLARATION.name);

@@ -128,7 +128,7 @@ impl Motion {
         u32::try_from(self.views.len()).unwrap_or(0)
     }
 
-    /// Discards the earlier frames. The next frame has no links.
+    /// Discards the earlier frames, so that no pixel of the next frame is linked to them.
     pub fn restart(&mut self) {
         self.views.clear();
     }

@@ -133,7 +133,7 @@ pub struct Texel {
 /// The first random choice, as the references compute it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Draw {
-    /// The flavour that makes the first random choice.
+    /// The first flavour of the pixel's variant that chooses at random.
     pub flavour: Flavour,
     /// Threshold that chooses the projection, [0, 1); `None` = the projections are blended.
     pub projection: Option<f64>,

@@ -14,8 +14,9 @@ pub enum Cells {
     Reals,
     /// `fn probe(row: array<u32, IN>) -> array<u32, OUT>`: words and the bits of reals.
     Bits,
-    /// `fn probe(row: array<u32, IN>, texel: vec4<f32>) -> array<u32, OUT>`: the first words of a row are a block of a compressed texture, and its
-    /// last value is the index of the texel (a real, 0 to 15, row by row) that the device decodes from it.
+    /// `fn probe(row: array<u32, IN>, texel: vec4<f32>) -> array<u32, OUT>`: each row begins with a block of a compressed texture. The last
+    /// value of the row is the index of a texel in this block: 0 to 15, row by row, as the bits of a real. `texel` is this texel as the device
+    /// decodes it.
     Texel(wgpu::TextureFormat),
 }
 

@@ -78,8 +78,8 @@ table! {
         /// Sharpness of the tri-planar blend: k in the weights of the three projections, w = abs(n)^k, where n is the component of the unit normal
         /// along the axis of the projection. The larger k, the sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
-        /// Bias of the mip levels of textures: texture gradients are multiplied by 2^bias. Below 0, the picture is usually sharper and flickers more;
-        /// above 0, it is blurrier.
+        /// Bias of the mip levels of detail textures and of the virtual texture: texture gradients are multiplied by 2^bias. Below 0, the picture is
+        /// usually sharper and flickers more; above 0, it is blurrier. The far atlas is not affected.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("Mip bias", -4.0, 4.0);
         /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs ground near the camera at grazing angles. With Mesa's
         /// software driver before version 23, the anisotropy is always 1.
@@ -175,8 +175,8 @@ const OTHERS: &[Setting<Scene>] = &[
         kind: Kind::Numbers(2, Range::new(-FAR_M, FAR_M)),
         default: || None,
         about: "Elevations of the smallest and of the largest possible sample of a heightmap, the lower elevation first. These samples are 0 and \
-                65535 for unsigned integers, -32768 and 32767 for signed integers, and 0 and 1 for floats. If the file states its own scale, \
-                the elevations must not contradict it. Every heightmap world needs this key.",
+                65535 for unsigned 16-bit integers, -32768 and 32767 for signed ones, and 0 and 1 for floats. If the file states a scale, an \
+                offset or a unit, the elevations must agree with it. Every heightmap world needs this key.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,

@@ -17,7 +17,7 @@ use kernels::oracle::{pixel_at, place_at};
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
 /// Limit of [`Brush::amount`], the factor by which a mask multiplies the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Maximum number of points of a stroke. It limits the time of baking, in which splat texels near a stroke are compared with the segments of the
+/// Maximum number of points of a stroke that the brush draws; scene files may have longer strokes. It limits the time of baking, in which splat texels near a stroke are compared with the segments of the
 /// stroke.
 pub const MOST_POINTS: usize = 4096;
 /// Maximum number of strokes of a scene. If it is reached, the brush adds no stroke.

@@ -27,7 +27,7 @@ pub enum Layer {
     Depth,
     /// The flavours that each pixel needs.
     Mask,
-    /// The variant that each tile runs.
+    /// The flavours with which each tile is shaded.
     Tiles,
     /// Counted texture fetches.
     Fetches,

@@ -244,7 +244,7 @@ mod tests {
         scene.materials.iter().position(|material| material.name == name).expect("a material")
     }
 
-    /// The built-in scene with all kinds of edits.
+    /// The built-in scene with edits of materials, strokes and rules.
     fn edited() -> Scene {
         let mut scene = plain();
         let moss = place(&scene, "moss");

@@ -14,4 +14,5 @@ pub mod picture;
 pub mod places;
 pub mod settings;
 pub mod state;
+pub(crate) mod times;
 pub mod viewpoint;

@@ -142,7 +142,8 @@ pub struct News {
     pub adapter: Option<Adapter>,
     /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Number of shaders that are compiled already, and number of all shaders that are to be compiled in advance; zeros if none are.
+    /// Progress of compiling shaders in advance: the number of shaders that are done, compiled or not, and the number of all shaders. Both are 0 if no
+    /// shader is to be compiled in advance.
     pub warm: [usize; 2],
     /// Why the last request was not fulfilled, or why the thread cannot draw at all; one line.
     pub failure: Option<String>,

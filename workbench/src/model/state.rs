@@ -21,12 +21,11 @@ use super::metrics::Metrics;
 use super::panes::{self, Pane};
 use super::picture::{News, Shown, Wish};
 use super::settings::Settings;
+use super::times::{Times, remember};
 use super::viewpoint::{Viewpoint, usual_viewpoint};
 
 mod opening;
 
-/// Maximum length of each of the two lists of times that the panel *Frame* shows: times between the last pictures, and times to draw the window.
-const TIMES: usize = 120;
 /// Default render scale on a software adapter: pixels drawn per pixel of the screen, along a side.
 const SOFTWARE_SCALE: f64 = 0.5;
 /// Default of [`FrameSettings::vertex_stride`](kernels::frame::FrameSettings::vertex_stride) on a software adapter, where vertices are expensive.
@@ -111,7 +110,8 @@ pub struct Model {
     /// The scene that was validated last; `None` = it is not valid, or none was validated yet. While the current scene is equal to this one, it is
     /// not validated again. The current scene is therefore still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
-    pub(crate) times: VecDeque<Duration>,
+    /// Times of the last pictures.
+    pub(crate) times: Times,
     /// Durations of the last drawings of the window, without the drawing of the terrain pictures. The answer to a click waits for such a drawing.
     pub(crate) answers: VecDeque<Duration>,
     /// Whether the saved state has a render scale (first) and a vertex stride (second). Saved values were chosen by the user.
@@ -164,7 +164,7 @@ impl Model {
             looking: Looking::default(),
             impossible: None,
             checked: None,
-            times: VecDeque::new(),
+            times: Times::default(),
             answers: VecDeque::new(),
             chosen: [false; 2],
             leaves: false,
@@ -319,11 +319,6 @@ impl Model {
         }
     }
 
-    /// Records the time from one picture to the next.
-    pub(crate) fn picture_took(&mut self, time: Duration) {
-        remember(&mut self.times, time);
-    }
-
     /// Records how long a drawing of the window took.
     pub(crate) fn window_took(&mut self, time: Duration) {
         remember(&mut self.answers, time);
@@ -469,14 +464,6 @@ fn scaled(room: [u32; 2], scale: f64, most: u32) -> [u32; 2] {
     let longest = f64::from(room[0].max(room[1]).max(1));
     let scale = scale.min(f64::from(most) / longest);
     room.map(|side| if side == 0 { 0 } else { ((f64::from(side) * scale).round() as u32).max(1) })
-}
-
-/// Appends a time and keeps the last [`TIMES`] of them.
-fn remember(times: &mut VecDeque<Duration>, time: Duration) {
-    times.push_back(time);
-    if times.len() > TIMES {
-        times.pop_front();
-    }
 }
 
 #[cfg(test)]

@@ -218,7 +218,9 @@ fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
             run.cancel();
         }
         // The text comes after the button, so that the button does not move when the text changes.
-        ui.label(format!("{} has been running for {} s: {}", run.name(), run.seconds(), run.progress()));
+        let progress = run.progress();
+        let now = if progress.is_empty() { String::new() } else { format!(": {progress}") };
+        ui.label(format!("{} has been running for {} s{now}", run.name(), run.seconds()));
         ui.label("Times are valid only while nothing else draws: pause the picture.");
         ui.ctx().request_repaint_after(Duration::from_secs(1));
         return;

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
-use kernels::gpu::PassTime;
 
 use super::variants::PASS;
 use crate::model::state::Model;
+use crate::model::times::Spread;
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Some(shown) = model.shown().cloned() else {
@@ -35,83 +35,102 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
         row(ui, "Fetches", "Number of texture fetches of the shading pass per pixel, averaged over the pixels that show terrain", fetches);
+        let drawing = match (model.times.drawing(), model.times.first()) {
+            (Some(spread), _) => in_words(spread, 1),
+            (None, Some(first)) => format!("{:.0} ms for the first picture after a change", first.as_secs_f64() * 1e3),
+            (None, None) => "no times yet".to_owned(),
+        };
         row(
             ui,
             "Drawn and read back",
             "Wall-clock time from the start of drawing until the pictures can be shown. It includes the loading of terrain nodes, and also B, the \
-             inspected pixel and the live metrics, if there are any.",
-            format!("{:.1} ms", shown.took.as_secs_f64() * 1e3),
+             inspected pixel and the live metrics, if there are any. The first picture after a change is not counted with the others, because it \
+             may wait for shaders to be compiled. n: number of pictures.",
+            drawing,
         );
         row(
             ui,
             "Selection and culling",
-            "Time in which the CPU selects and loads terrain nodes and culls patches",
+            "Time in which the CPU selects and loads terrain nodes and culls patches, for the last picture",
             format!("{:.1} ms", report.selection_ms),
         );
-        let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
+        if report.passes.is_empty() {
+            row(ui, "Passes, device time", "This device does not measure the times of passes", "not measured".to_owned());
+            return;
+        }
+        let times: Vec<(&str, Spread)> = model.times.passes().collect();
+        let sum: f64 = times.iter().map(|(_, spread)| spread.median).sum();
         row(
             ui,
             "Passes, device time",
-            "Sum of the times of the passes below, as measured by the device; without B. 0 if the device does not measure times.",
-            format!("{device:.1} ms"),
+            "Sum of the medians of the passes below, as measured by the device; without B. Beside each median: first and third quartile, and the \
+             number n of pictures.",
+            if times.is_empty() { "no times yet".to_owned() } else { format!("{sum:.1} ms") },
         );
-        for (name, ms) in passes(&report.passes) {
-            row(ui, &name, "", format!("{ms:.2} ms"));
+        for (name, time) in passes(&times) {
+            row(ui, &name, "", time);
         }
     });
 }
 
-/// The passes with their times in milliseconds. If each variant was shaded in a separate pass, these passes are listed below their sum.
-fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
-    let mut rows: Vec<(String, f64)> = Vec::new();
-    let mut sum = None;
-    for PassTime { name, time_ms } in passes {
-        let Some(variant) = name.strip_prefix(PASS) else {
-            rows.push((format!("    {name}"), *time_ms));
-            continue;
-        };
-        let at = *sum.get_or_insert_with(|| {
-            rows.push(("    shading, variant by variant".to_owned(), 0.0));
-            rows.len() - 1
-        });
-        rows[at].1 += time_ms;
-        rows.push((format!("        {variant}"), *time_ms));
+/// Median, quartiles and number of times.
+fn in_words(spread: Spread, decimals: usize) -> String {
+    let Spread { median, quartiles: [first, third], count, .. } = spread;
+    format!("{median:.decimals$} ms ({first:.decimals$} to {third:.decimals$}, n = {count})")
+}
+
+/// The names and times of passes. If each variant was shaded in a separate pass, these passes are listed below the sum of their medians.
+fn passes(times: &[(&str, Spread)]) -> Vec<(String, String)> {
+    let of_variant = |name: &str| name.strip_prefix(PASS).map(str::to_owned);
+    let sum: f64 = times.iter().filter(|(name, _)| of_variant(name).is_some()).map(|(_, spread)| spread.median).sum();
+    let mut rows = Vec::new();
+    let mut has_sum = false;
+    for (name, spread) in times {
+        match of_variant(name) {
+            None => rows.push((format!("    {name}"), in_words(*spread, 2))),
+            Some(variant) => {
+                if !std::mem::replace(&mut has_sum, true) {
+                    rows.push(("    shading, variant by variant".to_owned(), format!("{sum:.2} ms")));
+                }
+                rows.push((format!("        {variant}"), in_words(*spread, 2)));
+            }
+        }
     }
     rows
 }
 
-/// Median and longest of the times, milliseconds; `None` = there are no times.
-fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
-    let mut sorted: Vec<f64> = times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
-    sorted.sort_by(f64::total_cmp);
-    Some([*sorted.get(sorted.len() / 2)?, *sorted.last()?])
+/// The rate of pictures and the times from picture to picture, in words and as a bar chart, and the times to draw the window, in words.
+fn times(model: &Model, ui: &mut Ui) {
+    let milliseconds = |time: &Duration| time.as_secs_f64() * 1e3;
+    let intervals = model.times.intervals();
+    if let (Some(rate), Some(spread)) = (model.times.rate(), Spread::of(intervals.iter().copied())) {
+        let hint = "The rate is that of the last two seconds in which time ran. The other numbers are times from picture to picture. Pauses, and the \
+                    first picture after a change, do not count.";
+        let Spread { median, longest, count, .. } = spread;
+        ui.label(format!("{rate:.1} pictures a second; median {median:.0} ms, longest {longest:.0} ms of the last {count}"))
+            .on_hover_text(hint);
+        bars(ui, intervals, median);
+    }
+    if let Some(Spread { median, longest, count, .. }) = Spread::of(model.answers.iter().map(milliseconds)) {
+        let hint = "Time to draw the window itself, without the terrain pictures. The answer to a click waits for such a drawing.";
+        ui.label(format!("Window: median {median:.0} ms, longest {longest:.0} ms of the last {count}")).on_hover_text(hint);
+    }
 }
 
-/// The times from picture to picture, in words and as a bar chart, and the times to draw the window, in words.
-fn times(model: &Model, ui: &mut Ui) {
-    let Some([median, worst]) = median_and_longest(&model.times) else { return };
-    ui.label(format!(
-        "{:.1} pictures a second; median {median:.0} ms, longest {worst:.0} ms of the last {}",
-        1e3 / median,
-        model.times.len()
-    ));
-    if let Some([median, worst]) = median_and_longest(&model.answers) {
-        let hint = "Time to draw the window itself, without the terrain pictures. The answer to a click waits for such a drawing.";
-        ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", model.answers.len())).on_hover_text(hint);
-    }
+/// A bar chart of times, milliseconds. Times above twice the median have another colour.
+fn bars(ui: &mut Ui, times: &VecDeque<f64>, median: f64) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Frame times"));
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
     let top = (median * 3.0).max(1e-3);
-    let width = rect.width() / model.times.len() as f32;
-    for (i, time) in model.times.iter().enumerate() {
-        let ms = time.as_secs_f64() * 1e3;
+    let width = rect.width() / times.len() as f32;
+    for (i, ms) in times.iter().enumerate() {
         let height = ((ms / top).min(1.0) as f32) * rect.height();
         let left = rect.left() + i as f32 * width;
         let bar =
             egui::Rect::from_min_max(egui::pos2(left, rect.bottom() - height), egui::pos2(left + (width - 1.0).max(0.5), rect.bottom()));
-        painter.rect_filled(bar, 0.0, if ms > 2.0 * median { Color32::from_rgb(213, 94, 0) } else { Color32::from_rgb(86, 180, 233) });
+        painter.rect_filled(bar, 0.0, if *ms > 2.0 * median { Color32::from_rgb(213, 94, 0) } else { Color32::from_rgb(86, 180, 233) });
     }
 }
 
@@ -120,23 +139,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_median_and_the_longest_of_times() {
-        let times = |ms: &[u64]| ms.iter().map(|&ms| Duration::from_millis(ms)).collect::<VecDeque<_>>();
-        assert_eq!(median_and_longest(&times(&[])), None);
-        assert_eq!(median_and_longest(&times(&[30, 10, 200, 20, 15])), Some([20.0, 200.0]));
-    }
-
-    #[test]
     fn passes_by_variant_stand_below_their_sum() {
-        let pass = |(name, time_ms): (&str, f64)| PassTime { name: name.to_owned(), time_ms };
-        let one = [("geometry", 1.0), ("shading", 2.0), ("lighting", 0.5)].map(pass);
-        let names = |passes: &[PassTime]| super::passes(passes).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
-        assert_eq!(names(&one), ["    geometry", "    shading", "    lighting"]);
-        let many = [("geometry", 1.0), ("shading: vt", 2.0), ("shading: vt+splat", 0.25), ("lighting", 0.5)].map(pass);
+        let times = |passes: &[(&'static str, f64)]| -> Vec<(&'static str, Spread)> {
+            passes.iter().map(|(name, ms)| (*name, Spread::of([*ms, *ms]).expect("times"))).collect()
+        };
+        let names = |passes: &[(&'static str, f64)]| super::passes(&times(passes)).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        assert_eq!(names(&[("geometry", 1.0), ("shading", 2.0), ("lighting", 0.5)]), ["    geometry", "    shading", "    lighting"]);
+        let rows = super::passes(&times(&[("geometry", 1.0), ("shading: vt", 2.0), ("shading: vt+splat", 0.25), ("lighting", 0.5)]));
+        let rows: Vec<(&str, &str)> = rows.iter().map(|(name, time)| (name.as_str(), time.as_str())).collect();
         assert_eq!(
-            super::passes(&many).iter().map(|(name, ms)| (name.trim(), *ms)).collect::<Vec<_>>(),
-            [("geometry", 1.0), ("shading, variant by variant", 2.25), ("vt", 2.0), ("vt+splat", 0.25), ("lighting", 0.5)]
+            rows,
+            [
+                ("    geometry", "1.00 ms (1.00 to 1.00, n = 2)"),
+                ("    shading, variant by variant", "2.25 ms"),
+                ("        vt", "2.00 ms (2.00 to 2.00, n = 2)"),
+                ("        vt+splat", "0.25 ms (0.25 to 0.25, n = 2)"),
+                ("    lighting", "0.50 ms (0.50 to 0.50, n = 2)"),
+            ]
         );
-        assert_eq!(names(&many)[2], "        vt");
     }
 }

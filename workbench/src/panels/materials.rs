@@ -155,7 +155,7 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
     if field
         .on_hover_text(
-            "A name that no other material has, 1 to 100 characters long. Rules and strokes that use the material get the new name, too.",
+            "A name that no other material has: 1 to 100 characters, not only spaces. Rules and strokes that use the material get the new name, too.",
         )
         .changed()
     {

@@ -56,7 +56,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         if ui
             .selectable_label(model.settings.frame.variant.is_none(), "Automatic")
-            .on_hover_text("Each tile runs the variant that its pixels need. Key: 0.")
+            .on_hover_text("Each tile is shaded with the flavours that its pixels need. Key: 0.")
             .clicked()
         {
             model.settings.frame.variant = None;
