@@ -38,7 +38,7 @@ const WORKBENCH_MODEL: &Floors = &[
     &["settings", "places"],
     &["compare", "viewpoint", "kept"],
     &["picture"], // requests to the engine, and its results
-    &["brush", "drafts"],
+    &["brush", "drafts", "times"],
     &["state"],
 ];
 

@@ -141,10 +141,18 @@ pub(super) fn remember<T>(times: &mut VecDeque<T>, time: T) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::state::Model;
 
     fn load() -> Load {
-        Load::of(&Model::new(kernels::scene::load(kernels::scene::DEFAULT).expect("the built-in scene")).wish(), false)
+        let scene = kernels::scene::load(kernels::scene::DEFAULT).expect("the built-in scene");
+        Load {
+            settings: Settings::new(scene),
+            compare: Compare::default(),
+            measures: false,
+            inspects: false,
+            culled_from_elsewhere: false,
+            size: [640, 360],
+            draft: false,
+        }
     }
 
     fn ms(time: u64) -> Duration {

@@ -58,14 +58,18 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             row(ui, "Passes, device time", "This device does not measure the times of passes", "not measured".to_owned());
             return;
         }
-        let times: Vec<(&str, Spread)> = model.times.passes().collect();
-        let sum: f64 = times.iter().map(|(_, spread)| spread.median).sum();
+        let mut times: Vec<(&str, f64, String)> =
+            model.times.passes().map(|(name, spread)| (name, spread.median, in_words(spread, 2))).collect();
+        if times.is_empty() {
+            times = report.passes.iter().map(|pass| (pass.name.as_str(), pass.time_ms, format!("{:.2} ms (first picture)", pass.time_ms))).collect();
+        }
+        let sum: f64 = times.iter().map(|(_, median, _)| median).sum();
         row(
             ui,
             "Passes, device time",
             "Sum of the medians of the passes below, as measured by the device; without B. Beside each median: first and third quartile, and the \
-             number n of pictures.",
-            if times.is_empty() { "no times yet".to_owned() } else { format!("{sum:.1} ms") },
+             number n of pictures. While there is only the first picture after a change, its times are shown.",
+            format!("{sum:.1} ms"),
         );
         for (name, time) in passes(&times) {
             row(ui, &name, "", time);
@@ -79,20 +83,21 @@ fn in_words(spread: Spread, decimals: usize) -> String {
     format!("{median:.decimals$} ms ({first:.decimals$} to {third:.decimals$}, n = {count})")
 }
 
-/// The names and times of passes. If each variant was shaded in a separate pass, these passes are listed below the sum of their medians.
-fn passes(times: &[(&str, Spread)]) -> Vec<(String, String)> {
+/// The names of passes, and their times in words. `times`: name, milliseconds, and words. If each variant was shaded in a separate pass, these passes
+/// are listed below their sum.
+fn passes(times: &[(&str, f64, String)]) -> Vec<(String, String)> {
     let of_variant = |name: &str| name.strip_prefix(PASS).map(str::to_owned);
-    let sum: f64 = times.iter().filter(|(name, _)| of_variant(name).is_some()).map(|(_, spread)| spread.median).sum();
+    let sum: f64 = times.iter().filter(|(name, ..)| of_variant(name).is_some()).map(|(_, ms, _)| ms).sum();
     let mut rows = Vec::new();
     let mut has_sum = false;
-    for (name, spread) in times {
+    for (name, _, words) in times {
         match of_variant(name) {
-            None => rows.push((format!("    {name}"), in_words(*spread, 2))),
+            None => rows.push((format!("    {name}"), words.clone())),
             Some(variant) => {
                 if !std::mem::replace(&mut has_sum, true) {
                     rows.push(("    shading, variant by variant".to_owned(), format!("{sum:.2} ms")));
                 }
-                rows.push((format!("        {variant}"), in_words(*spread, 2)));
+                rows.push((format!("        {variant}"), words.clone()));
             }
         }
     }
@@ -140,8 +145,8 @@ mod tests {
 
     #[test]
     fn passes_by_variant_stand_below_their_sum() {
-        let times = |passes: &[(&'static str, f64)]| -> Vec<(&'static str, Spread)> {
-            passes.iter().map(|(name, ms)| (*name, Spread::of([*ms, *ms]).expect("times"))).collect()
+        let times = |passes: &[(&'static str, f64)]| -> Vec<(&'static str, f64, String)> {
+            passes.iter().map(|(name, ms)| (*name, *ms, in_words(Spread::of([*ms, *ms]).expect("times"), 2))).collect()
         };
         let names = |passes: &[(&'static str, f64)]| super::passes(&times(passes)).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
         assert_eq!(names(&[("geometry", 1.0), ("shading", 2.0), ("lighting", 0.5)]), ["    geometry", "    shading", "    lighting"]);
