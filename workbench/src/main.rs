@@ -19,8 +19,8 @@ use workbench::window::{Workbench, still};
     after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file. For numbers to quote, use `experiments`."
 )]
 struct Args {
-    /// Scene file or folder, or `default` for the built-in scene [default: the scene that was open last, if it is known; with --fresh or
-    /// --screenshot, `default`]
+    /// Scene file or folder, or `default` for the built-in scene. If it is not given, the scene that was open last is opened; with --fresh or
+    /// --screenshot, the built-in scene
     scene: Option<String>,
     /// Starts with default settings; the saved state of the workbench is neither read nor written
     #[arg(long)]

@@ -131,7 +131,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Returns the part that renders the reference for the view and setting of `unit`.
+    /// Finds the part of the run that renders the reference for the view and the setting of `unit`.
     fn reference_of(&self, unit: &Unit) -> Result<Unit> {
         let is_its = |other: &Unit| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting;
         plan(self.definition).into_iter().find(is_its).with_context(|| format!("the run has no reference of view `{}`", unit.view))

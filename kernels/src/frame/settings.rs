@@ -139,7 +139,7 @@ pub fn settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().chain(stage_settings())
 }
 
-/// The setting of a frame that has this key.
+/// Finds a setting of frames by its key.
 pub fn setting(key: &str) -> Option<&'static Setting<FrameSettings>> {
     settings().find(|setting| setting.key == key)
 }

@@ -156,7 +156,7 @@ pub struct Palette {
     layers: Vec<Texture>,
 }
 
-/// The source of a layer of the arrays, and the means of its texture.
+/// What a layer of the texture arrays was made from, and the mean values of its texture.
 #[derive(Clone, Debug, PartialEq)]
 struct Texture {
     source: Source,

@@ -216,8 +216,8 @@ impl Probe {
         Ok(all)
     }
 
-    /// The types that the shader takes and returns: reals; bits, if a column holds words; bits and a texel, if the rows begin with a
-    /// compressed block.
+    /// The types that the shader takes and returns. If the rows begin with a compressed block: bits and a texel. Otherwise, if a column holds
+    /// words (integers): bits. Otherwise: reals.
     pub fn layout(&self) -> Cells {
         match self.blocks {
             Some(format) => Cells::Texel(format),

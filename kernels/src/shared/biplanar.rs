@@ -15,9 +15,9 @@ pub const MAX_SHARPNESS: f64 = 1e4;
 /// The two axes along which the normal has its largest components, the axis with the lower index first, and the weights of these axes. The weights
 /// sum to 1. In WGSL: `biplanar_projections`.
 ///
-/// `n` is scaled to length 1 first; a vector without usable direction counts as the z axis. The weights are ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8),
-/// normalised, where k >= 0 is `sharpness`, the exponent of tri-planar weights. A component of at most 1/√3 has weight 0 for any k. If both
-/// components are at most 1/√3, the first axis gets all the weight.
+/// `n` may have any length; a vector without usable direction counts as the z axis. For a unit vector, the weight of axis i is proportional to
+/// ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), where k >= 0 is `sharpness`. A component of at most 1/√3 has weight 0. If this is so for both axes, the first
+/// one has all the weight.
 pub fn projections<T: Real>(n: [T; 3], sharpness: T) -> ([u32; 2], [T; 2]) {
     let a = unit(n).map(T::abs);
     let dropped = if a[0] <= a[1] && a[0] <= a[2] {

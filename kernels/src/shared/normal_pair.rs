@@ -66,9 +66,9 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// Returns the candidate nearest to the unit vector `n` (z at least 0). The candidates are the lattice points around `n` whose plane is seen along
-/// the unit vector `ray` from the same side as the plane with normal `n`. Apart from rounding, there is a candidate, because `n` lies between the
-/// points.
+/// Returns the lattice point nearest to the unit vector `n` (z at least 0), of those around `n` whose plane faces `ray` with the same side. A lattice
+/// point is the normal of a plane that the encoding can store, and `ray` is the unit vector along which the plane is seen. Because `n` lies between
+/// the points around it, at least one of them faces `ray` as `n` does, apart from rounding.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");

@@ -229,10 +229,10 @@ impl Grid {
     }
 }
 
-/// Returns the filtered height of vertex (i, j) of a working grid. Two vertices or more from the lines through the node's edges, it is the mean of
-/// the vertex and its neighbours, with the weights 1 2 1 along each axis. This mean removes relief that alternates from vertex to vertex. Heights one
-/// vertex away from these lines are moved only half of the way to the mean, and heights on the lines are not changed. This rule is symmetric on both
-/// sides of an edge, so neighbouring nodes of one LOD compute the same heights in their borders.
+/// Returns the filtered height of vertex (i, j) of a working grid. The filter is the mean of the vertex and its neighbours, with the weights 1 2 1
+/// along each axis. It removes relief that alternates from vertex to vertex. Near the edges of the node, it is weaker: a height on the line through
+/// an edge is not changed, and a height one vertex away from such a line moves half of the way to the mean. The rule is the same on both sides of an
+/// edge, so neighbouring nodes of one LOD compute the same heights in their borders.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
     // Share of the way to the mean: 0 on a line through an edge of the node, 1/2 one vertex away from it, and 1 farther away.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;

@@ -255,8 +255,8 @@ impl Kept {
         self.write(path)
     }
 
-    /// Returns this state, but with the entries of all scenes except the current one taken from the file (`there`). Another window may have changed
-    /// those entries. Recent scenes that only the file lists are appended to the list of recent scenes.
+    /// Merges this state with the state in the file (`there`), which another window may have changed. The entry of the current scene is that of this
+    /// state; the entries of the other scenes are those of the file. Recent scenes that are only in the file are added at the end of the list.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;

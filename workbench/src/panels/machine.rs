@@ -236,7 +236,7 @@ fn camera(painter: &egui::Painter, map: &Map, pose: &Pose, size: [u32; 2], groun
     let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();
     let at = map.on_screen(pose.position.truncate());
     let look = vec2(pose.yaw.sin() as f32, -pose.yaw.cos() as f32) * ARROW_POINTS;
-    // White or yellow with a black border is visible on the colours of all levels.
+    // A white or yellow line with a black border is visible on every colour of the map of LODs.
     for stroke in [Stroke::new(4.0, Color32::BLACK), Stroke::new(1.5, colour)] {
         if outline.len() > 2 {
             painter.add(egui::Shape::closed_line(outline.clone(), stroke));
