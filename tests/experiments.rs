@@ -655,9 +655,13 @@ fn files_that_a_scene_reads_belong_to_the_identity_of_a_run() {
         1,
     );
     let definition = Definition { scene: Some(folder.write("scene.toml", &text)), ..trial() };
-    fs::create_dir_all(folder.0.join("rock/maps")).expect("a temporary folder");
-    let files = ["height.png", "rock/albedo.png", "rock/maps/normal.png"];
+    fs::create_dir_all(folder.0.join("rock/other")).expect("a temporary folder");
+    let files = ["height.png", "rock/albedo.png", "rock/normal.PNG"];
     files.iter().for_each(|file| drop(folder.write(file, "before")));
+    let unread = ["rock/readme.txt", "rock/.hidden.png", "rock/other/albedo.png"];
+    unread.iter().for_each(|file| drop(folder.write(file, "before")));
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("nowhere.png", folder.0.join("rock/dangling.png")).expect("a link");
     // Opening a run only hashes the files; it does not decode them.
     drop(Run::open(&definition, &place(&folder.0), &machine()).expect("a new run"));
     let again = Place { existing: Existing::Resume, ..place(&folder.0) };
@@ -668,6 +672,9 @@ fn files_that_a_scene_reads_belong_to_the_identity_of_a_run() {
         folder.write(file, "before");
         drop(Run::open(&definition, &again, &machine()).expect("the same files"));
     }
+    // The scene does not read these files.
+    unread.iter().for_each(|file| drop(folder.write(file, "after")));
+    drop(Run::open(&definition, &again, &machine()).expect("the same images"));
     fs::rename(folder.0.join("rock/albedo.png"), folder.0.join("rock/colour.png")).expect("renamed");
     assert!(refused(&definition, &again, &machine()).contains("the scene's content"), "a file with another name");
 }

@@ -164,12 +164,14 @@ fn probe(row: array<f32, 3>) -> array<f32, 2> {{
     }
 }
 
-#[test]
-fn footprints_lie_on_the_plane_that_the_centre_of_the_pixel_sees() {
-    // The sector is 64 m wide, and the camera is in its middle, 40 m up. The position of the result is in another sector where the ray leaves it.
-    const SECTOR_M: f64 = 64.0;
-    const EYE: DVec3 = DVec3::new(32.0, 32.0, 40.0);
-    const NEAR_M: f64 = 0.1;
+/// Width of a sector, distance of the near plane, and position of the camera, which is in the middle of its sector, 40 m up; metres.
+const SECTOR_M: f64 = 64.0;
+const NEAR_M: f64 = 0.1;
+const EYE: DVec3 = DVec3::new(32.0, 32.0, 40.0);
+
+/// A table that computes footprints for a camera with these rays. A row: the code of the sample pattern, a pixel, its depth, and the normal of the plane.
+/// A result: the sector, the position in it, and the two derivatives.
+fn footprints(rays: [[f32; 3]; 3]) -> Table<'static> {
     let vector = |values: [f32; 3]| format!("vec3<f32>({:?}, {:?}, {:?})", values[0], values[1], values[2]);
     let body = format!(
         "{}
@@ -193,10 +195,21 @@ fn probe(row: array<f32, 7>) -> array<f32, 11> {{
         EYE.x,
         EYE.y,
         EYE.z,
-        vector(RAYS[0]),
-        vector(RAYS[1]),
-        vector(RAYS[2]),
+        vector(rays[0]),
+        vector(rays[1]),
+        vector(rays[2]),
     );
+    Table::new(gpu(), &body, [7, 11], Cells::Reals).expect("the WGSL compiles")
+}
+
+/// The position of a result, relative to the south-west corner of the camera's sector.
+fn position_of(found: &[f64]) -> DVec3 {
+    (DVec2::new(found[2], found[3]) + DVec2::new(found[0] - 7.0, found[1] - 9.0) * SECTOR_M).extend(found[4])
+}
+
+#[test]
+fn footprints_lie_on_the_plane_that_the_centre_of_the_pixel_sees() {
+    let table = footprints(RAYS);
     let rays = RAYS.map(|ray| DVec3::from_array(ray.map(f64::from)));
     let patterns = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges];
     let row = |index: u32| {
@@ -213,14 +226,14 @@ fn probe(row: array<f32, 7>) -> array<f32, 11> {{
             .map(|x| (x as f32).to_bits())
     };
     let inputs: Vec<u32> = rows.iter().flat_map(cells).collect();
-    let found = Table::new(gpu(), &body, [7, 11], Cells::Reals).expect("the WGSL compiles").run(&inputs).expect("the device works");
+    let found = table.run(&inputs).expect("the device works");
     let (mut limited, mut moved) = (0, 0);
     for ((pattern, pixel, distance, normal), found) in rows.iter().zip(found.chunks_exact(11)) {
         let found: Vec<f64> = found.iter().map(|bits| f64::from(f32::from_bits(*bits))).collect();
         let sectors = DVec2::new(found[0] - 7.0, found[1] - 9.0);
         let inside = DVec2::new(found[2], found[3]);
         assert!(inside.min_element() >= 0.0 && inside.max_element() <= SECTOR_M, "{inside:?} is outside its sector");
-        let position = (inside + sectors * SECTOR_M).extend(found[4]);
+        let position = position_of(&found);
         let through = |x: f64, y: f64| rays[0] + rays[1] * x + rays[2] * y;
         let [x, y] = pixel.map(f64::from);
         let [dx, dy] = pattern.offset(*pixel);
@@ -252,4 +265,14 @@ fn probe(row: array<f32, 7>) -> array<f32, 11> {{
         }
     }
     assert!(limited > 5 && moved > 500, "{limited} limited, {moved} in another sector");
+}
+
+#[test]
+fn a_sample_whose_ray_is_parallel_to_the_plane_is_at_most_twice_as_far_away() {
+    // The sample on the top edge lies half a pixel above the centre. There the ray is exactly level, and the plane is level, too.
+    let table = footprints([[1.0, 0.0, -0.5], [0.0, 0.001, 0.0], [0.0, 0.0, -1.0]]);
+    let row = [SamplePattern::TopEdges.code() as f32, 0.0, 0.0, NEAR_M as f32 / 10.0, 0.0, 0.0, 1.0].map(f32::to_bits);
+    let found: Vec<f64> = table.run(&row).expect("the device works").into_iter().map(|bits| f64::from(f32::from_bits(bits))).collect();
+    let off = position_of(&found) - EYE;
+    assert!((off - DVec3::new(20.0, -20.0 * 0.001 / 6.0, 0.0)).abs().max_element() < 1e-4, "{off:?}");
 }

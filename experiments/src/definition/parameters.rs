@@ -3,20 +3,24 @@
 use std::ffi::OsString;
 use std::fs;
 use std::hash::Hasher;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
 use kernels::base::names::suggestion;
 use kernels::decode::heightmap::ReadOptions;
 use kernels::frame::{self, FRAME, FrameSettings};
+use kernels::import::materials::MAX_DEPTH;
 use kernels::import::scene_folder::ImportOptions;
+use kernels::materials::folder::READABLE;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::settings::Home;
 use toml::{Table, Value};
 use twox_hash::XxHash64;
-use walkdir::WalkDir;
+use walkdir::{DirEntry, WalkDir};
 
 use super::{Definition, Import, Setting};
+use crate::process::check_interrupted;
 
 /// Sets a parameter in the settings of the frame. Parameters of the scene are ignored.
 pub(super) fn apply(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
@@ -219,17 +223,19 @@ impl Definition {
     }
 
     /// Returns a hash of the sources of the scene, as 16 hexadecimal digits: the xxHash64 of the text of the scene file, or of the imported heightmap.
-    /// The files that the scene reads (heightmap, textures) or that the import reads (textures) follow, with their names.
+    /// The heightmap and the images of materials that the scene reads follow, or the images in the materials folder of the import.
     ///
     /// # Errors
-    /// A source cannot be read.
+    /// A source cannot be read, or Ctrl-C was pressed.
     pub(crate) fn source_hash(&self) -> Result<String> {
         let mut hasher = XxHash64::with_seed(0);
         match &self.import {
             Some(import) => {
                 let job = import.job(&self.folder).map_err(|what| anyhow!("import: {what}"))?;
-                hasher.write(&content(&job.heightmap)?);
-                job.options.materials.iter().try_for_each(|folder| add_files(&mut hasher, folder))?;
+                add_content(&mut hasher, &job.heightmap)?;
+                if let Some(folder) = &job.options.materials {
+                    add_images(&mut hasher, folder, MAX_DEPTH)?;
+                }
             }
             None => {
                 let text = self.scene_text(None).map_err(|what| anyhow!("scene: {what}"))?;
@@ -241,35 +247,54 @@ impl Definition {
                 };
                 let mut paths: Vec<PathBuf> = Vec::new();
                 for setting in &settings {
-                    paths.extend(self.altered(&text, setting).map_err(|refused| anyhow!("scene: {}", refused.what))?.sources());
+                    for path in self.altered(&text, setting).map_err(|refused| anyhow!("scene: {}", refused.what))?.sources() {
+                        if !paths.contains(&path) {
+                            paths.push(path);
+                        }
+                    }
                 }
-                paths.sort();
-                paths.dedup();
-                paths.iter().try_for_each(|path| add_files(&mut hasher, path))?;
+                for path in paths {
+                    if path.is_dir() { add_images(&mut hasher, &path, 1)? } else { add_content(&mut hasher, &path)? }
+                }
             }
         }
         Ok(digits(&hasher))
     }
 }
 
-fn content(file: &Path) -> Result<Vec<u8>> {
-    fs::read(file).with_context(|| format!("cannot read {}", file.display()))
+/// Adds the content of a file to a hash, and its length. The file is not read as a whole, because it can be larger than the memory.
+fn add_content(hasher: &mut XxHash64, file: &Path) -> Result<()> {
+    let unreadable = || format!("cannot read {}", file.display());
+    let mut input = BufReader::with_capacity(1 << 20, fs::File::open(file).with_context(unreadable)?);
+    let mut length = 0u64;
+    loop {
+        check_interrupted()?;
+        let bytes = input.fill_buf().with_context(unreadable)?;
+        if bytes.is_empty() {
+            hasher.write_u64(length.to_le());
+            return Ok(());
+        }
+        hasher.write(bytes);
+        let count = bytes.len();
+        length += count as u64;
+        input.consume(count);
+    }
 }
 
-/// Adds the name and the content of a file, or of every file below a folder in alphabetical order, to a hash. Names are relative to `path`, so that a
-/// copy of the folder has the same hash.
-fn add_files(hasher: &mut XxHash64, path: &Path) -> Result<()> {
-    for entry in WalkDir::new(path).follow_links(true).sort_by_file_name() {
-        // A link to a folder above it would lead to the same files again.
-        if entry.as_ref().is_err_and(|error| error.loop_ancestor().is_some()) {
+/// Adds the names and contents of the images in a folder, down to `depth` levels, in alphabetical order. Names are relative to the folder, so a copy of
+/// the folder has the same hash. Other files, hidden ones, and entries that cannot be read are left out: the scene does not read them either.
+fn add_images(hasher: &mut XxHash64, folder: &Path, depth: usize) -> Result<()> {
+    let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().to_string_lossy().starts_with('.');
+    let entries = WalkDir::new(folder).follow_links(true).max_depth(depth).sort_by_file_name().into_iter();
+    for entry in entries.filter_entry(|entry| !is_hidden(entry)).filter_map(Result::ok) {
+        let extension = entry.path().extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if !entry.file_type().is_file() || !READABLE.contains(&extension.as_str()) {
             continue;
         }
-        let entry = entry.with_context(|| format!("cannot read {}", path.display()))?;
-        if entry.file_type().is_file() {
-            let name = entry.path().strip_prefix(path).unwrap_or(entry.path());
-            hasher.write(name.to_string_lossy().as_bytes());
-            hasher.write(&content(entry.path())?);
-        }
+        let name: Vec<String> =
+            entry.path().strip_prefix(folder).unwrap_or(entry.path()).iter().map(|part| part.to_string_lossy().into_owned()).collect();
+        hasher.write(name.join("/").as_bytes());
+        add_content(hasher, entry.path())?;
     }
     Ok(())
 }

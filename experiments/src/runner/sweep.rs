@@ -402,7 +402,10 @@ impl Runner<'_> {
             // The variance has no standard error. In some noises, a seed shifts the thresholds of all pixels by one amount. If the amounts of the
             // seeds are similar by chance, the variance is too small at every pixel, and the scatter over pixels or areas does not show this error.
             // The mean squared error has a standard error, because each picture alone gives an estimate of it.
-            labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
+            // If every pixel is invalid with one of the seeds, there is no variance.
+            if finished[i].terrain > 0.0 {
+                labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
+            }
             labels.put_mean(rows, name, Signal::Albedo, metrics::EXACT_MSE, mark, squared_errors[i].mean())?;
             if clumping[i].count > 0 {
                 labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;

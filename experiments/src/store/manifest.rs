@@ -54,7 +54,7 @@ pub struct Manifest {
     pub definition: String,
     /// xxHash64 of the text in `definition`.
     pub definition_hash: String,
-    /// xxHash64 of the scene's text, or of the imported heightmap.
+    /// xxHash64 of the scene's text, or of the imported heightmap, and of the files that the scene or the import reads.
     pub source_hash: String,
     /// Whether the run was made by `check`, with the changes of the definition's section `small`.
     pub small: bool,

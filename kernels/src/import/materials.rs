@@ -24,7 +24,7 @@ const FOLDER: &str = "materials";
 const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "gravel", "scree", "limestone", "granite", "snow"];
 
 /// Largest depth of the sub-folders that are searched.
-const MAX_DEPTH: usize = 16;
+pub const MAX_DEPTH: usize = 16;
 /// Largest number of files and folders below the folder of materials. A folder that contains more was probably given by mistake.
 const MAX_ENTRIES: usize = 100_000;
 /// Largest number of lines `refused`, and of lines `not used`, in the text of a survey. A further line says how many are not

@@ -118,7 +118,8 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
     let mut sums = SeedSums { areas: vec![AreaSums::default(); across * down], ..SeedSums::default() };
     let [width, height] = size.map(|n| n as usize);
     let (block, edge) = (block as usize, AREA as usize);
-    for (at, (&now, &exact)) in picture.iter().zip(exact).enumerate().filter(|(_, (now, _))| signal::is_terrain(**now)) {
+    let known = |at: usize| signal::is_terrain(picture[at]) && signal::is_terrain(exact[at]);
+    for (at, (&now, &exact)) in picture.iter().zip(exact).enumerate().filter(|(at, _)| known(*at)) {
         let (a, b) = (signal::colour(now), signal::colour(exact));
         let area = &mut sums.areas[at / width / edge * across + at % width / edge];
         for k in 0..3 {
@@ -135,7 +136,7 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
         for bx in 0..width / block {
             let inside = (0..block * block).map(|i| (by * block + i / block) * width + bx * block + i % block);
             let pixels: Vec<usize> = inside.collect();
-            if !pixels.iter().all(|&at| signal::is_terrain(picture[at])) {
+            if !pixels.iter().all(|&at| known(at)) {
                 continue;
             }
             let error = |at: usize| signal::luminance(signal::colour(picture[at])) - signal::luminance(signal::colour(exact[at]));

@@ -42,7 +42,7 @@ fn seeds_add(@builtin(global_invocation_id) id: vec3<u32>) {
         for (var x = origin.x; x < end.x; x++) {
             let at = y * seeds.size.x + x;
             let now = signal[seeds.offset + at];
-            if !signal_is_terrain(now) {
+            if !signal_is_terrain(now) || !signal_is_terrain(exact[at]) {
                 moments[at * 3u] = vec4<f32>(0.0, 0.0, 2.0 * SEEDS_LEFT_OUT, 0.0);
                 continue;
             }
@@ -102,7 +102,7 @@ fn seeds_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         for (var x = 0u; x < seeds.block; x++) {
             let at = (origin.y + y) * seeds.size.x + origin.x + x;
             let now = signal[seeds.offset + at];
-            if !signal_is_terrain(now) {
+            if !signal_is_terrain(now) || !signal_is_terrain(exact[at]) {
                 whole = 0.0;
                 continue;
             }

@@ -25,7 +25,7 @@ fn surface_footprint(pixel: vec2<u32>, depth: f32, normals: vec4<f32>) -> Footpr
     let offset = surface_sample_offset(pixel);
     let ray = centre + frame.ray_dx * offset.x + frame.ray_dy * offset.y;
     let facing = dot(triangle_normal, ray);
-    let stretch = select(1.0, clamp(dot(triangle_normal, centre) / select(facing, 1.0, facing == 0.0), 0.5, 2.0), frame.sample_pattern != 0u);
+    let stretch = select(1.0, select(clamp(dot(triangle_normal, centre) / facing, 0.5, 2.0), 2.0, facing == 0.0), frame.sample_pattern != 0u);
     let t = view_distance(frame.near_m, depth) * stretch;
     return Footprint(
         terrain_place(frame.camera_sector, frame.camera + ray * t),

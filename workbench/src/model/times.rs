@@ -9,8 +9,8 @@ use super::compare::Compare;
 use super::picture::Wish;
 use super::settings::Settings;
 
-/// Largest number of pictures whose times are kept.
-const PICTURES: usize = 120;
+/// Largest number of pictures whose times are kept: more than a screen shows in two seconds.
+const PICTURES: usize = 600;
 /// The time over which the rate of pictures is taken.
 const RATE_OVER: Duration = Duration::from_secs(2);
 
@@ -21,6 +21,7 @@ pub(crate) struct Load {
     compare: Compare,
     measures: bool,
     inspects: bool,
+    seeks: bool,
     culled_from_elsewhere: bool,
     size: [u32; 2],
     draft: bool,
@@ -32,8 +33,9 @@ impl Load {
         Load {
             settings: wish.settings.clone(),
             compare: wish.compare.clone(),
-            measures: wish.metrics.on,
+            measures: wish.metrics.on && !wish.metrics.frozen,
             inspects: wish.probe.is_some(),
+            seeks: wish.seeks,
             culled_from_elsewhere: wish.culled_from.is_some(),
             size: wish.size,
             draft,
@@ -111,7 +113,7 @@ impl Times {
             }
             (count, sum) = (count + 1, sum + interval);
         }
-        (count > 0).then(|| 1e3 * f64::from(count) / sum)
+        (sum > 0.0).then(|| 1e3 * f64::from(count) / sum)
     }
 
     /// Times from picture to picture, milliseconds, the newest last.
@@ -130,7 +132,7 @@ impl Times {
     }
 }
 
-/// Adds a time to a list, and removes the oldest time if there are more than 120.
+/// Adds a time to a list, and removes the oldest time if there are more than [`PICTURES`].
 pub(super) fn remember<T>(times: &mut VecDeque<T>, time: T) {
     times.push_back(time);
     if times.len() > PICTURES {
@@ -149,6 +151,7 @@ mod tests {
             compare: Compare::default(),
             measures: false,
             inspects: false,
+            seeks: false,
             culled_from_elsewhere: false,
             size: [640, 360],
             draft: false,
@@ -202,7 +205,7 @@ mod tests {
         // A single picture that took longer than two seconds still has a rate.
         times.add(load(), ms(1), Some(ms(4000)), &[]);
         assert!((times.rate().expect("intervals") - 0.25).abs() < 1e-9);
-        (0..500).for_each(|_| times.add(load(), ms(1), Some(ms(10)), &[]));
+        (0..1000).for_each(|_| times.add(load(), ms(1), Some(ms(10)), &[]));
         assert_eq!(times.intervals().len(), PICTURES);
     }
 }

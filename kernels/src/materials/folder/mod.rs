@@ -18,7 +18,9 @@ mod resample;
 
 pub use map::{Map, read};
 pub use names::{Convention, stated_tile_m};
-pub use recognition::{Listing, Reading, Recognised, Set, Sorted, Source, Unused, few, list, recognise, shown, shown_name, sort_out};
+pub use recognition::{
+    Listing, READABLE, Reading, Recognised, Set, Sorted, Source, Unused, few, list, recognise, shown, shown_name, sort_out,
+};
 
 /// The maps of a material, and notes for the user about them.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,7 @@ use super::decode::MAX_EDGE;
 use super::names::{Convention, Held, Kind, Label, label};
 
 /// File name extensions of images that can be read.
-const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "tga", "exr"];
+pub const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "tga", "exr"];
 
 /// File name extensions of other images. They are recognised so that an error can say that their format cannot be read.
 const UNREADABLE: [&str; 16] =
