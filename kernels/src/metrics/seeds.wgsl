@@ -26,8 +26,8 @@ struct SeedFrame {
 @group(1) @binding(4) var<storage, read_write> blocks: array<vec4<f32>>;
 
 // In the first state of a pixel, a sum of squares below this number means: the pixel was not terrain, or its colour was invalid, with at least one seed.
-// Its moments lack this seed, so they are not used.
-const SEEDS_LEFT_OUT: f32 = -1.0;
+// Its moments lack this seed, so they are not used. The number is far below every sum, so later samples do not lift the mark above it.
+const SEEDS_LEFT_OUT: f32 = -1e38;
 
 @compute @workgroup_size(64)
 fn seeds_add(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -47,8 +47,7 @@ fn seeds_add(@builtin(global_invocation_id) id: vec3<u32>) {
                 continue;
             }
             let colour = signal_colour(now);
-            let left_out = seeds.count > 1u && moments[at * 3u].z < SEEDS_LEFT_OUT;
-            for (var channel = 0u; channel < 3u && !left_out; channel++) {
+            for (var channel = 0u; channel < 3u; channel++) {
                 var state = vec4<f32>(0.0);
                 if seeds.count > 1u {
                     state = moments[at * 3u + channel];
