@@ -16,7 +16,7 @@ mod parameters;
 mod parse;
 mod validate;
 
-pub(crate) use parameters::hash;
+pub(crate) use parameters::{add_bytes, digits, hash};
 pub use parse::{load, parse, stored};
 
 /// The contents of a definition file.

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::fs;
 use std::hash::Hasher;
-use std::io::{BufRead as _, BufReader};
+use std::io::{self, BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
@@ -262,23 +262,31 @@ impl Definition {
     }
 }
 
-/// Adds the content of a file to a hash, and its length. The file is not read as a whole, because it can be larger than the memory.
+/// Adds the content of a file to a hash, and then its length, so that the border between two files belongs to the hash.
 fn add_content(hasher: &mut XxHash64, file: &Path) -> Result<()> {
-    let unreadable = || format!("cannot read {}", file.display());
-    let mut input = BufReader::with_capacity(1 << 20, fs::File::open(file).with_context(unreadable)?);
-    let mut length = 0u64;
-    loop {
-        check_interrupted()?;
-        let bytes = input.fill_buf().with_context(unreadable)?;
-        if bytes.is_empty() {
-            hasher.write_u64(length.to_le());
-            return Ok(());
+    check_interrupted()?;
+    let length = add_bytes(hasher, file)?;
+    hasher.write_u64(length.to_le());
+    Ok(())
+}
+
+/// Adds the bytes of a file to a hash. Returns their number. The file is not read as a whole, because it can be larger than the memory.
+pub(crate) fn add_bytes(hasher: &mut XxHash64, file: &Path) -> Result<u64> {
+    let mut read = || -> io::Result<u64> {
+        let mut input = BufReader::with_capacity(1 << 20, fs::File::open(file)?);
+        let mut length = 0;
+        loop {
+            let bytes = input.fill_buf()?;
+            if bytes.is_empty() {
+                return Ok(length);
+            }
+            hasher.write(bytes);
+            let count = bytes.len();
+            length += count as u64;
+            input.consume(count);
         }
-        hasher.write(bytes);
-        let count = bytes.len();
-        length += count as u64;
-        input.consume(count);
-    }
+    };
+    read().with_context(|| format!("cannot read {}", file.display()))
 }
 
 /// Adds the names and contents of the images in a folder, down to `depth` levels, in alphabetical order. Names are relative to the folder, so a copy of
@@ -310,7 +318,8 @@ pub(crate) fn hash(bytes: &[u8]) -> String {
     digits(&hasher)
 }
 
-fn digits(hasher: &XxHash64) -> String {
+/// Returns the hash in 16 hexadecimal digits.
+pub(crate) fn digits(hasher: &XxHash64) -> String {
     format!("{:016x}", hasher.finish())
 }
 

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::hash::Hasher as _;
-use std::io::{self, BufRead as _, BufReader};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -99,22 +97,11 @@ fn checksum(entries: &Entries) -> Result<String> {
     Ok(definition::hash(&serde_json::to_vec(&sorted)?))
 }
 
-/// Returns the xxHash64 of the bytes of a file. The file is not read as a whole, because it can be larger than the memory.
+/// Returns the xxHash64 of the bytes of a file.
 pub(super) fn hash_of(file: &Path) -> Result<String> {
-    let hashed = || -> io::Result<String> {
-        let mut input = BufReader::with_capacity(1 << 20, fs::File::open(file)?);
-        let mut hasher = XxHash64::with_seed(0);
-        loop {
-            let bytes = input.fill_buf()?;
-            if bytes.is_empty() {
-                return Ok(format!("{:016x}", hasher.finish()));
-            }
-            hasher.write(bytes);
-            let count = bytes.len();
-            input.consume(count);
-        }
-    };
-    hashed().with_context(|| format!("cannot read {}", file.display()))
+    let mut hasher = XxHash64::with_seed(0);
+    definition::add_bytes(&mut hasher, file)?;
+    Ok(definition::digits(&hasher))
 }
 
 impl Manifest {
