@@ -56,7 +56,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     let (resident, wanted) = (first.report.atlas.resident, first.report.pages.wanted);
     assert!(resident > 20 && wanted > 10, "{:?}", first.report);
     let at = before_the_camera(&renderer);
-    let (slope, curvature) = renderer.world().relief_at(at[0], at[1]);
+    let [slope, curvature] = renderer.world().relief_at(at[0], at[1]);
     let lies = renderer.world().rules().material_at(renderer.world().height_m(at[0], at[1]), slope, curvature, at[0], at[1]);
     let lies = original.materials[usize::from(lies)].name.clone();
     let other = original.materials.iter().find(|m| m.name != lies).expect("two materials").name.clone();

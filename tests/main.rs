@@ -8,6 +8,8 @@ mod bad_input;
 #[cfg(test)]
 mod bias;
 #[cfg(test)]
+mod cache;
+#[cfg(test)]
 mod cases_compare;
 #[cfg(test)]
 mod cases_heightmaps;

@@ -69,7 +69,7 @@ fn steep_node(world: &World, lod: u8) -> NodeId {
     let half = 5120.0;
     let steepest = (0..40 * 40)
         .map(|k| (f64::from(k % 40) * 250.0 - half + 100.0, f64::from(k / 40) * 250.0 - half + 100.0))
-        .max_by(|a, b| world.relief_at(a.0, a.1).0.total_cmp(&world.relief_at(b.0, b.1).0))
+        .max_by(|a, b| world.relief_at(a.0, a.1)[0].total_cmp(&world.relief_at(b.0, b.1)[0]))
         .expect("1600 places");
     world.layout().node_at(lod, steepest.0, steepest.1).expect("inside the world")
 }
@@ -254,7 +254,7 @@ fn payloads_do_not_depend_on_the_number_of_threads() {
         let count = || {
             done.fetch_add(1, Ordering::Relaxed);
         };
-        let baked = on_threads(threads, || world.bake_many(&nodes, &palette(), count)).expect("threads to work on");
+        let baked = on_threads(threads, || world.bake_many(&nodes, &palette(), false, count)).expect("threads to work on");
         assert_eq!(done.into_inner(), nodes.len());
         baked.into_iter().map(|node| node.payload).collect::<Vec<_>>()
     };

@@ -24,6 +24,8 @@ mod settings;
 use std::panic;
 use std::process::ExitCode;
 
+use kernels::world::NodeCache;
+
 use crate::cli::Cli;
 
 /// The program. It reads the command line and runs the command. If the command fails, it prints one line that says what failed.
@@ -33,6 +35,9 @@ pub fn main() -> ExitCode {
         let cli = Cli::read();
         commands::run(&cli)
     });
+    if let Some(problem) = NodeCache::of_user().as_deref().and_then(NodeCache::problem) {
+        eprintln!("note: {problem}");
+    }
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => {

@@ -264,7 +264,7 @@ fn the_bounds_of_a_patch_hold_its_vertices() {
     };
     let (mut whole, mut open) = (0, 0);
     let nodes = [NodeId { lod: 0, x: 80, y: 80 }, NodeId { lod: 3, x: 9, y: 11 }];
-    for baked in world.bake_many(&nodes, &means, || ()) {
+    for baked in world.bake_many(&nodes, &means, false, || ()) {
         let payload = baked.payload;
         let bounds = PatchBounds::of(&world, &payload);
         assert_eq!(bounds.len(), 64);

@@ -25,7 +25,7 @@ use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
 use crate::virtual_texture;
-use crate::world::{NodeId, PaletteMeans, World};
+use crate::world::{NodeCache, NodeId, PaletteMeans, World};
 
 mod arrive;
 mod drawn;
@@ -54,7 +54,7 @@ use picture::Picture;
 use stages::Stages;
 
 /// Options of a renderer, which are not part of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct RendererOptions {
     /// Edge length of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
@@ -65,11 +65,14 @@ pub struct RendererOptions {
     /// Edge of the detail textures of a quick preview, texels. These textures are used until [`Renderer::take_palette`] sets textures of the size
     /// that the scene gives. `None` = no preview: from the start, the textures have the size that the scene gives. Only for editable renderers.
     pub sketch: Option<u32>,
+    /// Where baked nodes are kept for the next start; `None` = they are not kept.
+    pub cache: Option<Arc<NodeCache>>,
 }
 
+/// No editing, no preview, and the cache of the user ([`NodeCache::of_user`]).
 impl Default for RendererOptions {
     fn default() -> Self {
-        RendererOptions { tile: classification::TILE, editable: false, sketch: None }
+        RendererOptions { tile: classification::TILE, editable: false, sketch: None, cache: NodeCache::of_user() }
     }
 }
 
@@ -140,7 +143,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// The same errors as [`Renderer::new`], and an error if `options.tile` is not a possible edge of a tile.
     pub fn with(gpu: &Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
-        let world = World::new(scene)?;
+        let world = World::new(scene)?.with_cache(options.cache.clone());
         check_cliffs(scene, &world)?;
         FrameSettings { tile: options.tile, ..FrameSettings::default() }.check().map_err(|wrong| Error::Request(wrong.to_string()))?;
         let demands = demands_on(gpu, scene);
@@ -157,11 +160,11 @@ impl<'a> Renderer<'a> {
         Ok(Renderer {
             gpu: gpu.clone(),
             scene: scene.clone(),
-            options,
             demands,
             world: Arc::new(world),
             means: palette_means(&palette),
             palette: options.editable.then_some(palette),
+            options,
             former: None,
             edited: EditCounts::default(),
             streaming,
@@ -370,6 +373,7 @@ impl<'a> Renderer<'a> {
     /// Returns the numbers of the frame, for display: first the numbers of nodes, patches and atlases, then the numbers of each stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
+        let problem = self.options.cache.as_ref().and_then(|cache| cache.problem());
         let mut sections = vec![
             Section {
                 name: "Nodes and patches",
@@ -388,11 +392,14 @@ impl<'a> Renderer<'a> {
             Section {
                 name: "Atlas",
                 about: "Residency: each visited node is stored in a slot (array layer) of the atlases; if no slot is free, the least recently used node is replaced",
-                rows: vec![
+                rows: [
                     row("Slots used", format!("{} of {}", atlas.resident, atlas.capacity)),
                     row("Nodes loaded for this frame", loaded),
                     row("Memory of the atlases", mebibytes(atlas.bytes)),
-                ],
+                ]
+                .into_iter()
+                .chain(problem.map(|problem| row("Cache of nodes", problem)))
+                .collect(),
             },
         ];
         sections.extend(self.stages.sections());

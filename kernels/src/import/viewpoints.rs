@@ -76,7 +76,7 @@ fn place_at(world: &World, x: f64, y: f64) -> Place {
     let reach = world.footprint_m() / 2.0;
     let h = |dx: f64, dy: f64| world.height_m(x + dx, y + dy);
     let gradient = [(h(reach, 0.0) - h(-reach, 0.0)) / (2.0 * reach), (h(0.0, reach) - h(0.0, -reach)) / (2.0 * reach)];
-    let (slope_deg, curvature) = world.relief_at(x, y);
+    let [slope_deg, curvature] = world.relief_at(x, y);
     Place { x, y, height: h(0.0, 0.0), gradient, slope_deg, curvature }
 }
 

@@ -174,11 +174,11 @@ impl Streaming {
                 resident.used = self.frame;
             }
         }
-        for Baked { payload, ground, cover } in world.bake_many(&absent, palette, on_baked) {
+        for Baked { payload, ground, cover } in world.bake_many(&absent, palette, self.keeps_ground, on_baked) {
             let slot = self.take_slot()?;
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
-            let source = self.keeps_ground.then_some((ground, cover));
+            let source = ground.map(|ground| (ground, cover));
             let patches = PatchBounds::of(world, &payload);
             // If the node was evicted earlier, pages of the virtual texture may have been rendered from it with older materials. The node gets
             // the current revision, which marks such pages as stale.

@@ -155,8 +155,11 @@ impl<'w> Ground<'w> {
         let details = (0..arrays.albedo.len()).map(|layer| {
             [Chain::of(&arrays.albedo[layer], true), Chain::of(&arrays.normal[layer], false), Chain::of(&arrays.height[layer], false)]
         });
-        let nodes =
-            nodes.iter().copied().zip(world.bake_many(nodes, &means, || ()).into_iter().map(|baked| Node::of(baked.payload))).collect();
+        let nodes = nodes
+            .iter()
+            .copied()
+            .zip(world.bake_many(nodes, &means, false, || ()).into_iter().map(|baked| Node::of(baked.payload)))
+            .collect();
         Ground { world, entries: &palette.entries, details: details.collect(), nodes, sharpness }
     }
 

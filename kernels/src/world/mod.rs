@@ -20,14 +20,17 @@ use crate::base::error::{Error, Result};
 use crate::scene::{self, Hole, Scene};
 use crate::shared::hash;
 
+pub mod cache;
 pub mod cones;
 pub mod generator;
 pub mod payload;
 pub mod rules;
 
+pub use cache::NodeCache;
 pub use payload::{Cover, Ground, NodePayload, PaletteMeans};
 
 use crate::decode::heightmap::{self, Heightmap};
+use cache::Key;
 use generator::Generator;
 use rules::Rules;
 
@@ -150,8 +153,8 @@ enum Source {
 pub struct Baked {
     /// The data that is loaded to the GPU.
     pub payload: NodePayload,
-    /// The ground, which does not depend on materials.
-    pub ground: Ground,
+    /// The ground, which does not depend on materials; `None` unless it was asked for.
+    pub ground: Option<Ground>,
     /// The materials on the ground.
     pub cover: Cover,
 }
@@ -173,6 +176,17 @@ pub struct World {
     /// The largest angle for which [`World::is_as_steep_as`] has returned true, degrees, stored as the bits of an `f64`. The bits of non-negative
     /// numbers have the same order as the numbers, so an atomic maximum of the bits is the maximum of the angles.
     reached_deg: AtomicU64,
+    /// Where baked nodes are kept; `None` = they are not kept.
+    cache: Option<Arc<NodeCache>>,
+    /// The key of the ground of nodes. It is computed when it is first needed, because all samples of a heightmap are hashed.
+    ground_key: OnceLock<Key>,
+}
+
+/// The keys of a world's entries in the cache of nodes.
+#[derive(Clone, Copy)]
+struct Keys {
+    ground: Key,
+    payload: Key,
 }
 
 impl World {
@@ -201,6 +215,8 @@ impl World {
                     material_count,
                     max_slope_deg: OnceLock::new(),
                     reached_deg: AtomicU64::new(0),
+                    cache: None,
+                    ground_key: OnceLock::new(),
                 })
             }
             scene::World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed, holes, colour_modulation } => {
@@ -251,7 +267,15 @@ impl World {
             material_count,
             max_slope_deg: OnceLock::new(),
             reached_deg: AtomicU64::new(0),
+            cache: None,
+            ground_key: OnceLock::new(),
         }
+    }
+
+    /// Returns this world with a cache of nodes: [`World::bake_many`] reads nodes from it, and adds those that it lacks.
+    #[must_use]
+    pub fn with_cache(self, cache: Option<Arc<NodeCache>>) -> World {
+        World { cache, ..self }
     }
 
     /// How the quadtree covers this world.
@@ -429,7 +453,7 @@ impl World {
     /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. Splat maps of fine nodes interpolate the
     /// curvature and the derivatives of the height between the points of a lattice (`RuleRelief` in `payload.rs`), so the values there may differ
     /// slightly.
-    pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
+    pub fn relief_at(&self, x: f64, y: f64) -> [f64; 2] {
         let reach = self.footprint_m / 2.0;
         let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);
         payload::slope_and_curvature(payload::differences(h(0.0, 0.0), h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach))
@@ -437,7 +461,7 @@ impl World {
 
     /// Palette index of the material at a position.
     pub fn material_at(&self, x: f64, y: f64) -> u8 {
-        let (slope_deg, curvature) = self.relief_at(x, y);
+        let [slope_deg, curvature] = self.relief_at(x, y);
         self.rules.material_at(self.height_m(x, y), slope_deg, curvature, x, y)
     }
 
@@ -457,18 +481,55 @@ impl World {
         [0.35, 0.0, -0.35].map(|shift| (0.5 + self.colour_modulation * (light + shift * hue)).clamp(0.0, 1.0))
     }
 
-    /// Makes the payload of a node.
+    /// Makes the payload of a node. Does not use the cache of nodes.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
     pub fn bake(&self, node: NodeId, palette: &PaletteMeans) -> NodePayload {
-        self.make(node, palette).payload
+        let ground = Ground::of(self, node);
+        self.dress(&ground, &self.cover(&ground), palette)
     }
 
-    fn make(&self, node: NodeId, palette: &PaletteMeans) -> Baked {
-        let ground = Ground::of(self, node);
+    /// Makes a node, or reads it from the cache of nodes.
+    fn make(&self, node: NodeId, palette: &PaletteMeans, cached: Option<(&NodeCache, Keys)>, keeps_ground: bool) -> Baked {
+        let read = |(cache, keys): (&NodeCache, Keys)| payload::from_bytes(node, &cache.read(keys.payload, node)?);
+        if let Some((payload, cover)) = cached.and_then(read) {
+            return Baked { payload, ground: keeps_ground.then(|| self.ground(node, cached)), cover };
+        }
+        let ground = self.ground(node, cached);
         let cover = self.cover(&ground);
-        Baked { payload: self.dress(&ground, &cover, palette), ground, cover }
+        let payload = self.dress(&ground, &cover, palette);
+        if let Some((cache, keys)) = cached {
+            cache.write(keys.payload, node, &payload::to_bytes(&payload, &cover));
+        }
+        Baked { payload, ground: keeps_ground.then_some(ground), cover }
+    }
+
+    /// Makes the ground of a node, or reads it from the cache of nodes.
+    fn ground(&self, node: NodeId, cached: Option<(&NodeCache, Keys)>) -> Ground {
+        let Some((cache, keys)) = cached else { return Ground::of(self, node) };
+        let read = || Ground::from_bytes(self, node, &cache.read(keys.ground, node)?);
+        read().unwrap_or_else(|| {
+            let ground = Ground::of(self, node);
+            cache.write(keys.ground, node, &ground.to_bytes());
+            ground
+        })
+    }
+
+    /// The keys of entries in the cache of nodes: hashes of all fields of this world that have an effect on the entries.
+    fn keys(&self, palette: &PaletteMeans) -> Keys {
+        let ground = *self.ground_key.get_or_init(|| {
+            let shape = (&self.layout, self.height_range_m, self.half_extent_m, self.footprint_m);
+            match &self.source {
+                Source::Generated(generator) => Key::of("ground", (shape, generator)),
+                Source::Data { map, detail_m, relief } => {
+                    let data = (map.width, map.height, map.metres_per_texel, cache::hash_of(&map.samples));
+                    Key::of("ground", (shape, data, detail_m, relief))
+                }
+            }
+        });
+        let materials = (&self.holes, self.colour_modulation, self.seed, &self.rules, self.material_count, palette);
+        Keys { ground, payload: Key::of("payload", (ground, materials)) }
     }
 
     /// Returns the materials that the splat rules and strokes place on the ground of a node.
@@ -500,17 +561,22 @@ impl World {
             material_count: scene.materials.len(),
             max_slope_deg: self.max_slope_deg.clone(),
             reached_deg: AtomicU64::new(self.reached_deg.load(Ordering::Relaxed)),
+            cache: self.cache.clone(),
+            ground_key: self.ground_key.clone(),
         }
     }
 
-    /// Makes the payloads of many nodes on rayon's worker threads. Returns them in the order of `nodes`, with the data from which they were made. The
-    /// result does not depend on the number of threads. `on_done` is called once per finished node, in any order.
+    /// Makes many nodes on rayon's worker threads, or reads them from the cache of nodes. Returns them in the order of `nodes`. The result does not
+    /// depend on the number of threads or on the cache. `keeps_ground`: whether the results include the ground. `on_done` is called once per finished
+    /// node, in any order.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
-    pub fn bake_many(&self, nodes: &[NodeId], palette: &PaletteMeans, on_done: impl Fn() + Sync) -> Vec<Baked> {
+    pub fn bake_many(&self, nodes: &[NodeId], palette: &PaletteMeans, keeps_ground: bool, on_done: impl Fn() + Sync) -> Vec<Baked> {
+        // Without nodes, a heightmap need not be hashed.
+        let cached = self.cache.as_deref().filter(|_| !nodes.is_empty()).map(|cache| (cache, self.keys(palette)));
         let bake = |&node: &NodeId| {
-            let baked = self.make(node, palette);
+            let baked = self.make(node, palette, cached, keeps_ground);
             on_done();
             baked
         };

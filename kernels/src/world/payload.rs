@@ -82,6 +82,44 @@ impl NodePayload {
     }
 }
 
+/// Bytes of the parts of a stored payload: the maps in the order of [`NodePayload`], and the cover.
+const PARTS: [usize; 7] = [
+    HEIGHT_SIDE * HEIGHT_SIDE * 2,
+    TEXTURE_SIDE * TEXTURE_SIDE,
+    TEXTURE_SIDE * TEXTURE_SIDE / 2,
+    TEXTURE_SIDE * TEXTURE_SIDE / 2,
+    SPLAT_SIDE * SPLAT_SIDE,
+    cones::PATCHES * cones::PATCHES,
+    SPLAT_GRID_SIDE * SPLAT_GRID_SIDE,
+];
+
+/// The bytes of a payload and its cover, for the cache of nodes.
+pub(super) fn to_bytes(payload: &NodePayload, cover: &Cover) -> Vec<u8> {
+    let NodePayload { id: _, min_height: _, max_height: _, height, normal, albedo, colour_modulation, splat, cones } = payload;
+    [bytemuck::cast_slice(height), normal, albedo, colour_modulation, splat, cones, cover].concat()
+}
+
+/// The payload and the cover of which these are the bytes; `None` if their number is wrong.
+pub(super) fn from_bytes(id: NodeId, bytes: &[u8]) -> Option<(NodePayload, Cover)> {
+    if bytes.len() != PARTS.iter().sum::<usize>() {
+        return None;
+    }
+    let mut rest = bytes;
+    let [height, normal, albedo, colour_modulation, splat, cones, cover] = PARTS.map(|length| {
+        let (part, after) = rest.split_at(length);
+        rest = after;
+        part.to_vec()
+    });
+    let height: Vec<u16> = bytemuck::pod_collect_to_vec(&height);
+    let (min_height, max_height) = extremes(&height);
+    Some((NodePayload { id, min_height, max_height, height, normal, albedo, colour_modulation, splat, cones }, cover))
+}
+
+/// The smallest and the largest of the heights.
+fn extremes(height: &[u16]) -> (u16, u16) {
+    (height.iter().copied().min().unwrap_or(0), height.iter().copied().max().unwrap_or(0))
+}
+
 /// The shape of the ground of a node (heights, slope and curvature), without materials: the input of the splat rules. It stays valid when the rules
 /// change. It takes about 250 KB of memory.
 pub struct Ground {
@@ -109,6 +147,25 @@ impl Ground {
     pub fn id(&self) -> NodeId {
         self.id
     }
+
+    /// The bytes of the ground, for the cache of nodes.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        [&self.grid.heights, &self.source, self.relief.values.as_flattened()].map(bytemuck::cast_slice::<f64, u8>).concat()
+    }
+
+    /// The ground of a node of which these are the bytes; `None` if their number is wrong.
+    pub(super) fn from_bytes(world: &World, id: NodeId, bytes: &[u8]) -> Option<Ground> {
+        let (vertices, texels) = (GRID_SIDE * GRID_SIDE, SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
+        if bytes.len() != (vertices + 3 * texels) * size_of::<f64>() {
+            return None;
+        }
+        let mut heights: Vec<f64> = bytemuck::pod_collect_to_vec(bytes);
+        let mut source = heights.split_off(vertices);
+        let values = source.split_off(texels).chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+        let layout = world.layout();
+        let grid = Grid { origin: id.origin_m(layout).to_array(), spacing: layout.spacing_m(id.lod), heights };
+        Some(Ground { id, grid, source, relief: RuleRelief { values } })
+    }
 }
 
 /// Palette indices at the splat texels of a node and at one ring of splat texels around it, row by row: 67 x 67.
@@ -128,10 +185,11 @@ pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: 
         splat.extend_from_slice(&splat_grid[(j + 1) * SPLAT_GRID_SIDE + 1..][..SPLAT_SIDE]);
     }
     let looks = Looks::of(splat_grid, palette);
+    let (min_height, max_height) = extremes(&height);
     NodePayload {
         id: *id,
-        min_height: height.iter().copied().min().unwrap_or(0),
-        max_height: height.iter().copied().max().unwrap_or(0),
+        min_height,
+        max_height,
         normal: normals(world, grid, &looks),
         albedo: albedo(world, grid, &looks),
         colour_modulation: colour_modulation(world, grid),
@@ -261,7 +319,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
         for i in 0..SPLAT_GRID_SIDE {
             // Splat texels are two vertices apart. The grid of vertices and the grid of splat texels both start one splat texel outside the node.
             let [x, y] = grid.vertex(2 * i, 2 * j);
-            let (slope_deg, curvature) = relief.at(i, j);
+            let [slope_deg, curvature] = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
         }
     }
@@ -274,7 +332,8 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
 /// half the footprint. If texels are closer together than lattice points, the values are interpolated bilinearly; otherwise each texel lies on a
 /// lattice point. The slope follows from the derivatives at the texel. So all LODs use the same function.
 struct RuleRelief {
-    values: Vec<(f64, f64)>,
+    /// For each texel, the slope in degrees and the curvature.
+    values: Vec<[f64; 2]>,
 }
 
 impl RuleRelief {
@@ -326,7 +385,7 @@ impl RuleRelief {
         RuleRelief { values }
     }
 
-    fn at(&self, i: usize, j: usize) -> (f64, f64) {
+    fn at(&self, i: usize, j: usize) -> [f64; 2] {
         self.values[j * SPLAT_GRID_SIDE + i]
     }
 }
@@ -336,8 +395,9 @@ pub(super) fn differences(centre: f64, west: f64, east: f64, south: f64, north: 
     [(east - west) / (2.0 * reach), (north - south) / (2.0 * reach), (4.0 * centre - west - east - south - north) / (2.0 * reach * reach)]
 }
 
-pub(super) fn slope_and_curvature([dx, dy, curvature]: [f64; 3]) -> (f64, f64) {
-    ((dx * dx + dy * dy).sqrt().atan().to_degrees(), curvature)
+/// Returns the slope in degrees and the curvature from the values of [`differences`].
+pub(super) fn slope_and_curvature([dx, dy, curvature]: [f64; 3]) -> [f64; 2] {
+    [(dx * dx + dy * dy).sqrt().atan().to_degrees(), curvature]
 }
 
 /// Mean values of the materials at the 132 x 132 texel centres, interpolated between the four splat texels around each centre.
