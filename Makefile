@@ -23,9 +23,6 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-# Tests and mutants keep baked terrain nodes in the target folder and not in the cache of the user.
-test mutants mutants-rust: export SCREE_CACHE ?= $(CURDIR)/target/cache
-
 .PHONY: help setup demo app test mutants mutants-rust bench judges fuzz audit clean
 
 help: ## this list

@@ -1,8 +1,11 @@
 //! Tests of the cache of baked nodes (`kernels::world::NodeCache`): nodes from the cache equal nodes that are baked, whatever happens to its files.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, SystemTime};
 
 use kernels::scene::{self, Scene, Stroke, StrokeKind};
 use kernels::world::cache::CacheCounts;
@@ -103,16 +106,27 @@ fn whatever_changes_a_node_changes_its_entry() {
     add(&|_, means| means.albedo.iter_mut().for_each(|albedo| albedo[1] += 0.2));
     add(&|_, means| means.smoothness.iter_mut().for_each(|smoothness| *smoothness += 0.1));
     add(&|_, means| means.specular_occlusion.iter_mut().for_each(|occlusion| *occlusion -= 0.1));
-    // Heightmaps that differ in one sample, in their height, or in added relief.
+    for fade_m in [0.0, 300.0] {
+        add(&|scene, _| {
+            let (material, points) = (scene.materials[3].name.clone(), vec![[0.0, 0.0], [400.0, 0.0]]);
+            scene.strokes.push(Stroke { kind: StrokeKind::Mask, material, points, radius_m: 300.0, fade_m, amount: 50.0 });
+        });
+    }
+    // Heightmaps that differ in their scale, in added relief, and (at the end of this test) in one sample.
     let island = fixtures::island(&folder);
-    let detailed = |scene: &Scene| {
-        let mut scene = scene.clone();
-        let scene::World::Heightmap { detail_m, .. } = &mut scene.world else { panic!("an import has a heightmap") };
-        *detail_m = 2.0;
+    let scaled = |(detail, wider, higher): (f64, f64, f64)| {
+        let mut scene = island.clone();
+        let scene::World::Heightmap { detail_m, metres_per_texel, height_range_m, .. } = &mut scene.world else {
+            panic!("an import has a heightmap")
+        };
+        *detail_m = detail;
+        *metres_per_texel *= wider;
+        height_range_m[1] += higher;
         scene
     };
     let means_of_island = means(&island);
-    others.extend([detailed(&island), island.clone()].map(|scene| (scene, means_of_island.clone())));
+    let scales = [(0.0, 1.0, 0.0), (2.0, 1.0, 0.0), (0.0, 1.01, 0.0), (0.0, 1.0, 10.0)];
+    others.extend(scales.map(|change| (scaled(change), means_of_island.clone())));
     let cache = cache(&folder);
     let mut seen = Vec::new();
     let mut check = |scene: &Scene, means: &PaletteMeans, what: &str| {
@@ -131,6 +145,27 @@ fn whatever_changes_a_node_changes_its_entry() {
     image.get_pixel_mut(middle[0], middle[1]).0[0] ^= 0x0800;
     image.save(path).expect("writable");
     check(&island, &means_of_island, "an edited sample of the heightmap");
+}
+
+#[test]
+fn an_edited_world_reads_the_ground_and_keeps_no_payload() {
+    let folder = Folder::new("cache-edit");
+    let (cache, scene) = (cache(&folder), small_scene());
+    let means = means(&scene);
+    let world = World::new(&scene).expect("valid").with_cache(Some(cache.clone()));
+    world.bake_many(&NODES, &means, false, || ());
+    let mut edited = scene.clone();
+    edited.rules.truncate(1);
+    let expected = bake(&edited, &means, None, &NODES);
+    let before = cache.counts();
+    let done = AtomicUsize::new(0);
+    let count = || {
+        done.fetch_add(1, Ordering::Relaxed);
+    };
+    let found = world.laid_by(&edited).bake_many(&NODES, &means, false, count);
+    assert!(found.into_iter().map(|baked| (baked.payload, baked.cover)).eq(expected.into_iter().map(|[first, _]| first)));
+    assert_eq!(cache.counts(), CacheCounts { read: before.read + NODES.len(), ..before });
+    assert_eq!(done.into_inner(), NODES.len(), "a node from the cache is not reported as done");
 }
 
 #[test]
@@ -176,6 +211,17 @@ fn the_oldest_entries_go_when_the_cache_is_full() {
     let cache = Arc::new(NodeCache::new(folder.0.join("cache"), limit));
     let size = |cache: &NodeCache| entries(cache).iter().map(|entry| fs::metadata(entry).expect("readable").len()).sum::<u64>();
     let last = NodeId { lod: 5, x: 4, y: 2 };
+    // Old files that the cache did not write, and one that was left behind by a process that was killed.
+    let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+    let make_old = |path: &Path| fs::File::options().write(true).open(path).and_then(|file| file.set_modified(long_ago)).expect("writable");
+    let [photos, key, empty] = ["photos", "0123456789abcdef", "empty"].map(|name| cache.folder().join(name));
+    [&photos, &key, &empty].into_iter().for_each(|folder| fs::create_dir_all(folder).expect("writable"));
+    let foreign = [photos.join("3-9-10"), key.join("letter.txt")];
+    let abandoned = key.join("3-9-10.4711-0.tmp");
+    for file in foreign.iter().chain([&abandoned]) {
+        fs::write(file, "old").expect("writable");
+        make_old(file);
+    }
     let mut largest = 0;
     for y in 0..3 {
         for x in 0..5 {
@@ -189,10 +235,7 @@ fn the_oldest_entries_go_when_the_cache_is_full() {
     bake(&scene, &means, Some(&cache), &[last]);
     assert_eq!(cache.counts(), CacheCounts { read: before.read + 2, ..before }, "the last node was removed");
     // An entry that is read is not old, even if it was written long ago.
-    let long_ago = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
-    for entry in entries(&cache) {
-        fs::File::options().write(true).open(&entry).and_then(|file| file.set_modified(long_ago)).expect("writable");
-    }
+    entries(&cache).iter().for_each(|entry| make_old(entry));
     bake(&scene, &means, Some(&cache), &[last]);
     for x in 0..3 {
         bake(&scene, &means, Some(&cache), &[NodeId { lod: 5, x, y: 4 }]);
@@ -200,6 +243,8 @@ fn the_oldest_entries_go_when_the_cache_is_full() {
     let before = cache.counts();
     bake(&scene, &means, Some(&cache), &[last]);
     assert_eq!(cache.counts(), CacheCounts { read: before.read + 2, ..before }, "the node that was read was removed as an old one");
+    assert!(foreign.iter().chain([&empty]).all(|path| path.exists()), "a foreign file was removed");
+    assert!(!abandoned.exists(), "a temporary file of a killed process is kept");
 }
 
 #[test]
@@ -213,6 +258,12 @@ fn a_folder_that_cannot_be_written_is_named_and_costs_only_time() {
     let problem = cache.problem().expect("nothing was written");
     has(problem, &[&folder.path("cache"), "SCREE_CACHE", "`off`"]);
     assert!(!problem.contains('\n'), "{problem}");
+    // The program says it once, after its work.
+    let arguments = ["render", "--camera", "cliff", "--size", "16x16", "--out", &folder.path("picture.png")];
+    let output = Command::new(fixtures::program()).args(arguments).env("SCREE_CACHE", folder.path("cache")).output().expect("starts");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    let notes = stderr.lines().filter(|line| line.starts_with("note: baked nodes are not kept"));
+    assert!(output.status.success() && notes.count() == 1, "{stderr}");
     assert_eq!(cache.counts(), CacheCounts::default());
 }
 

@@ -35,11 +35,13 @@ pub fn main() -> ExitCode {
         let cli = Cli::read();
         commands::run(&cli)
     });
-    if let Some(problem) = NodeCache::of_user().as_deref().and_then(NodeCache::problem) {
-        eprintln!("note: {problem}");
-    }
     match outcome {
-        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Ok(())) => {
+            if let Some(problem) = NodeCache::of_user().as_deref().and_then(NodeCache::problem) {
+                eprintln!("note: {problem}");
+            }
+            ExitCode::SUCCESS
+        }
         Ok(Err(error)) => {
             eprintln!("error: {}", process::error_line(&error));
             ExitCode::FAILURE

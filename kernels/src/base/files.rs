@@ -1,14 +1,45 @@
 //! Writes files and folders under temporary names and renames them when they are complete. So a process that fails or is killed leaves nothing
 //! incomplete under the final name.
 
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::base::error::{Error, Result};
 
-fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
+/// Converts an error of the system into one that names the file.
+pub(crate) fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { file: file.to_owned(), source }
+}
+
+/// End of the names of temporary files.
+pub(crate) const TEMPORARY: &str = ".tmp";
+
+/// Files of one kind that a program keeps for a user.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FolderKind {
+    /// Files that can be made again.
+    Cache,
+    /// What the user has set up, such as the arrangement of a window.
+    State,
+}
+
+/// The folder `scree` in which the files of one kind lie on this system; `None` = no environment variable gives an absolute path. The parent folder
+/// is, for caches and for the state: `$XDG_CACHE_HOME` or else `~/.cache`, and `$XDG_STATE_HOME` or else `~/.local/state`, on Linux; `%LOCALAPPDATA%`
+/// and `%APPDATA%` on Windows; `~/Library/Caches` and `~/Library/Application Support` on macOS. `variable` returns an environment variable.
+pub fn folder_of_user(kind: FolderKind, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    // A relative path would be a different folder in each working directory.
+    let folder = |name: &str| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
+    let of = |cache: &'static str, state: &'static str| if kind == FolderKind::Cache { cache } else { state };
+    let parent = if cfg!(windows) {
+        folder(of("LOCALAPPDATA", "APPDATA"))
+    } else if cfg!(target_os = "macos") {
+        folder("HOME").map(|home| home.join("Library").join(of("Caches", "Application Support")))
+    } else {
+        folder(of("XDG_CACHE_HOME", "XDG_STATE_HOME")).or_else(|| folder("HOME").map(|home| home.join(of(".cache", ".local/state"))))
+    };
+    Some(parent?.join("scree"))
 }
 
 /// Runs `write` on a temporary file in the folder of `file`, then renames the temporary file to `file`. If `write` fails or the process is killed,
@@ -17,10 +48,18 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
 /// # Errors
 /// `file` is a device, a pipe, or a link that leads nowhere. Or writing or renaming fails; the temporary file is then removed.
 pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std::result::Result<(), E>) -> std::result::Result<(), E> {
+    write_whole_by(file, &std::process::id().to_string(), write)
+}
+
+/// Does the same as [`write_whole`]. `writer` becomes part of the name of the temporary file. It must be unique among all that may write `file` at
+/// the same time.
+pub(crate) fn write_whole_by<E: From<Error>>(
+    file: &Path,
+    writer: &str,
+    write: impl FnOnce(&Path) -> std::result::Result<(), E>,
+) -> std::result::Result<(), E> {
     let file = &target(file)?;
-    let mut name = file.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = file.with_file_name(name);
+    let temporary = with(file, &format!(".{writer}{TEMPORARY}"));
     let done = write(&temporary).and_then(|()| Ok(fs::rename(&temporary, file).map_err(failed(file))?));
     if done.is_err() {
         // An error of this removal is ignored: the caller gets the error of writing or renaming, and the temporary file may not exist.
@@ -46,8 +85,8 @@ fn target(file: &Path) -> Result<PathBuf> {
 /// A folder that is filled under a temporary name, next to its final path. If this value is dropped without [`WholeFolder::finish`], the folder is
 /// removed.
 ///
-/// A process that is killed leaves the temporary folder behind. While a process fills the folder, a file beside it is locked. So
-/// [`remove_unfinished`] can tell an abandoned folder from a folder that is being filled.
+/// A process that is killed leaves the temporary folder behind. [`remove_unfinished`] removes such folders. To tell them from a folder that is being
+/// filled, a file beside the folder is locked while a process fills it.
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
@@ -55,8 +94,8 @@ pub struct WholeFolder {
     lock: Option<File>,
 }
 
-/// Returns two paths for the final path `place` of a folder: `place` with a symbolic link resolved, and the common prefix of the paths of its
-/// temporary folders.
+/// Returns two paths for the final path `place` of a folder. The first is `place` with a symbolic link resolved. The second is the common prefix of
+/// the paths of its temporary folders.
 ///
 /// # Errors
 /// `place` does not end in a name, or is a link that leads nowhere.
@@ -162,5 +201,34 @@ impl Drop for WholeFolder {
         // The lock file is closed before it is removed, because some systems cannot remove an open file.
         drop(self.lock.take());
         drop(fs::remove_file(with(&self.temporary, LOCK_END)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_the_user_follow_from_the_environment() {
+        let home = &*std::env::temp_dir();
+        let of = |kind, set: &[(&str, &Path)]| {
+            folder_of_user(kind, |name| set.iter().find(|(known, _)| *known == name).map(|(_, path)| path.as_os_str().to_owned()))
+        };
+        let all = |path| ["HOME", "APPDATA", "LOCALAPPDATA", "XDG_STATE_HOME", "XDG_CACHE_HOME"].map(|name| (name, path));
+        for kind in [FolderKind::Cache, FolderKind::State] {
+            assert!(of(kind, &all(home)).is_some_and(|folder| folder.starts_with(home) && folder.ends_with("scree")));
+            assert_eq!(of(kind, &all(Path::new("relative"))), None);
+            assert_eq!(of(kind, &[]), None);
+        }
+        if cfg!(target_os = "linux") {
+            let home = Path::new("/home/ada");
+            assert_eq!(of(FolderKind::Cache, &[("HOME", home)]), Some(home.join(".cache/scree")));
+            assert_eq!(of(FolderKind::State, &[("HOME", home)]), Some(home.join(".local/state/scree")));
+            let set = [("HOME", home), ("XDG_CACHE_HOME", Path::new("/c")), ("XDG_STATE_HOME", Path::new("/s"))];
+            assert_eq!(of(FolderKind::Cache, &set), Some(PathBuf::from("/c/scree")));
+            assert_eq!(of(FolderKind::State, &set), Some(PathBuf::from("/s/scree")));
+            // A relative path is ignored.
+            assert_eq!(of(FolderKind::Cache, &[set[0], ("XDG_CACHE_HOME", Path::new("c"))]), Some(home.join(".cache/scree")));
+        }
     }
 }

@@ -373,7 +373,7 @@ impl<'a> Renderer<'a> {
     /// Returns the numbers of the frame, for display: first the numbers of nodes, patches and atlases, then the numbers of each stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
-        let problem = self.options.cache.as_ref().and_then(|cache| cache.problem());
+        let is_stopped = self.options.cache.as_ref().is_some_and(|cache| cache.problem().is_some());
         let mut sections = vec![
             Section {
                 name: "Nodes and patches",
@@ -398,7 +398,7 @@ impl<'a> Renderer<'a> {
                     row("Memory of the atlases", mebibytes(atlas.bytes)),
                 ]
                 .into_iter()
-                .chain(problem.map(|problem| row("Cache of nodes", problem)))
+                .chain(is_stopped.then(|| row("Nodes are not kept on disk", "set SCREE_CACHE to another folder")))
                 .collect(),
             },
         ];
@@ -406,9 +406,10 @@ impl<'a> Renderer<'a> {
         sections
     }
 
-    /// Draws the view once for each flavour in `flavours`. Each time, all terrain pixels are shaded by this flavour alone, and the result is copied
-    /// into `layers`. From these layers, the picture of a variant can be composed if all flavours of the variant are in `flavours`. Fetches are
-    /// counted and choices recorded. The geometry of the last frame is reused if its [`GeometryKey`] is the same.
+    /// Draws the view once for each flavour (shading technique) in `flavours`. Each time, all terrain pixels are shaded by this flavour alone, and
+    /// the result is copied into `layers`. The picture of any variant, a set of flavours, can be composed from these layers if `flavours` contains
+    /// the set. The passes count fetches and record the first random choice of each pixel. The geometry of the last frame is reused if its
+    /// [`GeometryKey`] is the same.
     ///
     /// # Errors
     /// The same errors as [`Renderer::render`].
@@ -441,8 +442,8 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Makes a meter, which measures how the pictures of this renderer change over frames. It follows one stream of pictures for each entry of
-    /// `tracks`. `viewing`: the viewing conditions, if errors are to be measured against a reference sequence.
+    /// Makes a meter, which measures how the pictures of this renderer change over frames. Each entry of `tracks` describes one stream, a sequence of
+    /// pictures that the meter follows. `viewing`: the viewing conditions; needed if errors are measured against a reference sequence.
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
@@ -450,7 +451,7 @@ impl<'a> Renderer<'a> {
         Meter::new(&self.gpu, &self.frame_layout, size, tracks, viewing)
     }
 
-    /// Makes links that follow surface points from one picture of this renderer to the next.
+    /// Makes [`Links`], which find for each pixel of a frame the pixel of the previous frame that showed the same surface point.
     ///
     /// # Errors
     /// When the shader does not compile or the device is out of memory.
@@ -475,8 +476,7 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, the levels of their patches, and
-    /// their lag.
+    /// Selects the nodes for the view `eye` and makes them resident.
     fn select(&mut self, request: &RenderRequest, eye: &View) -> Result<Selected> {
         let selection = self.select_nodes(request, eye)?;
         let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
@@ -508,8 +508,9 @@ impl<'a> Renderer<'a> {
     }
 
     /// Elevation of the ground at the world position (`x`, `y`), metres, with the nodes, vertex strides and stitching of the request. Culling is
-    /// ignored. [`Renderer::ground_m`] has all vertices of the finest LOD instead. `None` = there is no ground at this position: it is outside the
-    /// data, or a hole removes the triangle. Nodes that are not resident are loaded. The geometry of the last frame cannot be reused after this call.
+    /// ignored. In contrast, [`Renderer::ground_m`] always uses all vertices of the finest LOD. `None` = there is no ground at this position, because
+    /// it is outside the data or a hole removes the triangle. Nodes that are not resident are loaded. The geometry of the last frame cannot be reused
+    /// after this call.
     ///
     /// # Errors
     /// When [`RenderRequest::check`] refuses the request, its residency belongs to an earlier frame of simulated streaming ([`Renderer::arrive`]),
@@ -558,7 +559,7 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // The pipelines of the displayed view are recorded, because a reload of the shaders builds them at once. A frame without lighting is not
+        // The pipelines of the displayed view are recorded, so that a reload of the shaders can build them at once. A frame without lighting is not
         // displayed, so its pipelines are not recorded.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
@@ -573,9 +574,9 @@ fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
 }
 
-/// Returns an error if the cliffs of the scene begin at a slope that the world does not reach.
+/// Returns an error if the scene applies cliff shading only above a slope that the world does not reach.
 fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
-    // Computing the largest slope can take a tenth of a second. The search of `is_as_steep_as` usually ends earlier, so it comes first.
+    // The search of `is_as_steep_as` comes first, because it usually ends early. Computing the largest slope can take a tenth of a second.
     let asked = scene.flavours.cliff_slope_deg;
     if !scene.flavours.has_cliffs() || world.is_as_steep_as(asked) {
         Ok(())

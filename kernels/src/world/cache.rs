@@ -1,20 +1,20 @@
 //! A cache of baked nodes on disk, so that the second start with a scene is faster than the first.
 //!
 //! An entry is a file: the ground of a node, or its payload and cover. The file lies in a folder whose name is the hash of everything on which the
-//! entry depends, such as the heightmap, the rules, and the code that makes nodes (`build.rs`). So an entry never becomes wrong. If a scene changes,
-//! its entries have another folder.
+//! entry depends, such as the heightmap, the rules, and the code and the compiler that make nodes (`build.rs`). If a scene changes, its entries have
+//! another folder. So no entry has to be declared invalid.
 //!
 //! An entry ends with a checksum. An entry that is damaged or cannot be read counts as absent, and the new entry replaces it. Entries are written
 //! under temporary names and renamed, so several processes can share a folder. If an entry cannot be written, for example because the disk is full,
 //! the cache writes no more entries, and [`NodeCache::problem`] says why.
 //!
-//! Limits: entries have the byte order of the machine, which is therefore part of the hash. The cache may exceed its limit by 1/16 before it removes
-//! entries, and by more if several processes write at the same time.
+//! Limits: the byte order and the compiler are part of the hash, but the mathematical library of the system is not. A process looks for old entries
+//! when it has written 1/16 of the limit, so the cache may exceed its limit by that much for each process.
 
 use std::ffi::OsString;
-use std::fmt::Debug;
+use std::fmt::{Debug, Display};
 use std::fs::{self, File};
-use std::io::Read as _;
+use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
@@ -24,9 +24,9 @@ use twox_hash::XxHash64;
 
 use super::NodeId;
 use crate::base::error::{Error, Result};
-use crate::base::files;
+use crate::base::files::{self, FolderKind, TEMPORARY, failed};
 
-/// The limit of the cache of the user, bytes. A picture needs about 500 nodes with 330 KB each, so this is enough for a dozen scenes.
+/// The limit of the cache of the user, bytes. A picture needs up to 500 nodes with 330 KB each, so this is enough for a dozen scenes.
 pub const USER_LIMIT: u64 = 2_000_000_000;
 
 /// The first bytes of every entry.
@@ -35,15 +35,17 @@ const MAGIC: [u8; 8] = *b"screenod";
 const HEADER: usize = 24;
 /// Bytes of the checksum, which follows the content.
 const CHECKSUM: usize = 8;
-/// An entry that is read gets the current time as time of modification, if its time is older than this.
-const REFRESH: Duration = Duration::from_secs(3600);
+/// An entry that is read gets the current time as time of modification, if its time is older than this. A temporary file that is older was left
+/// behind by a process that was killed.
+const HOUR: Duration = Duration::from_secs(3600);
 
 /// Hash of everything on which an entry depends, except the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Key(u64);
 
 impl Key {
-    /// Returns the key of entries of one kind that depend on these values. The text of `Debug` shows every field and every bit of a finite number.
+    /// Returns the key of entries of one kind that depend on these values. The types of the values must derive `Debug`: then the text shows every
+    /// field, and every bit of a finite number.
     pub(super) fn of(kind: &str, values: impl Debug) -> Key {
         let text = format!("{kind} {} {} {values:?}", env!("SCREE_NODE_CODE"), if cfg!(target_endian = "big") { "big" } else { "little" });
         Key(XxHash64::oneshot(0, text.as_bytes()))
@@ -70,48 +72,32 @@ pub struct NodeCache {
     folder: PathBuf,
     /// The size above which old entries are removed, bytes.
     limit: u64,
-    /// Bytes that this process has written since it last looked for old entries; `None` = it has not looked yet. One thread writes at a time, because
-    /// two threads may make the same node.
+    /// Bytes that were written since old entries were last looked for; `None` = they were not looked for yet. It is locked while entries are removed.
     written: Mutex<Option<u64>>,
     counts: [AtomicUsize; 2],
     problem: OnceLock<String>,
 }
 
 impl NodeCache {
-    /// A cache in `folder`, which is created when the first entry is written. `limit`: the size above which the entries that were not used for the
-    /// longest time are removed, bytes.
+    /// A cache in `folder`, which is created when the first entry is written. `limit`: the size, in bytes, above which the entries are removed that
+    /// were not used for the longest time. Other files in the folder are never removed.
     pub fn new(folder: PathBuf, limit: u64) -> NodeCache {
         NodeCache { folder, limit, written: Mutex::new(None), counts: [AtomicUsize::new(0), AtomicUsize::new(0)], problem: OnceLock::new() }
     }
 
-    /// The cache of the user, which all renderers of this process share. `SCREE_CACHE` is its folder; `off` = no cache. If the variable is not set, it
-    /// is `scree` in a folder that depends on the system: `$XDG_CACHE_HOME` or else `~/.cache` on Linux, `%LOCALAPPDATA%` on Windows, and
-    /// `~/Library/Caches` on macOS. Its limit is [`USER_LIMIT`]. `None` = no cache, or no variable gives an absolute path.
+    /// The cache of the user, which all renderers of this process share; `None` = there is none. `SCREE_CACHE` is its folder, relative to the working
+    /// directory; `off` = no cache. If the variable is not set or empty, the folder is the one that [`files::folder_of_user`] gives for caches. The
+    /// limit is [`USER_LIMIT`].
     pub fn of_user() -> Option<Arc<NodeCache>> {
         static CACHE: LazyLock<Option<Arc<NodeCache>>> = LazyLock::new(|| NodeCache::by(|name| std::env::var_os(name)).map(Arc::new));
         CACHE.clone()
     }
 
     fn by(variable: impl Fn(&str) -> Option<OsString>) -> Option<NodeCache> {
-        let given = variable("SCREE_CACHE").filter(|given| !given.is_empty());
-        if given.as_ref().is_some_and(|given| given == "off") {
-            return None;
-        }
-        // A relative path would be a different folder in each working directory.
-        let folder = |name: &str| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
-        let of_system = || {
-            let caches = if cfg!(windows) {
-                folder("LOCALAPPDATA")
-            } else if cfg!(target_os = "macos") {
-                folder("HOME").map(|home| home.join("Library/Caches"))
-            } else {
-                folder("XDG_CACHE_HOME").or_else(|| folder("HOME").map(|home| home.join(".cache")))
-            };
-            Some(caches?.join("scree"))
-        };
-        let folder = match given {
+        let folder = match variable("SCREE_CACHE").filter(|given| !given.is_empty()) {
+            Some(given) if given == "off" => return None,
             Some(given) => std::path::absolute(given).ok()?,
-            None => of_system()?,
+            None => files::folder_of_user(FolderKind::Cache, variable)?,
         };
         Some(NodeCache::new(folder.join("nodes"), USER_LIMIT))
     }
@@ -138,7 +124,8 @@ impl NodeCache {
 
     /// Returns the content of an entry; `None` if it is absent or damaged.
     pub(super) fn read(&self, key: Key, node: NodeId) -> Option<Vec<u8>> {
-        let mut file = File::open(self.path(key, node)).ok()?;
+        let path = self.path(key, node);
+        let mut file = File::open(&path).ok()?;
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).ok()?;
         let content = bytes.len().checked_sub(HEADER + CHECKSUM)?;
@@ -146,10 +133,9 @@ impl NodeCache {
         if checked[..HEADER] != header(key, node) || checksum != checksum_of(checked) {
             return None;
         }
-        // Errors are ignored: they only make the entry look older than it is.
-        let modified = file.metadata().and_then(|data| data.modified());
-        if modified.is_ok_and(|modified| modified.elapsed().is_ok_and(|age| age > REFRESH)) {
-            drop(file.set_modified(SystemTime::now()));
+        if file.metadata().is_ok_and(|data| is_old(&data)) {
+            // An error is ignored: it only makes the entry look older than it is.
+            drop(File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now())));
         }
         self.counts[0].fetch_add(1, Ordering::Relaxed);
         bytes.truncate(HEADER + content);
@@ -165,18 +151,14 @@ impl NodeCache {
         let mut bytes = header(key, node).to_vec();
         bytes.extend_from_slice(content);
         bytes.extend_from_slice(&checksum_of(&bytes));
-        let path = self.path(key, node);
-        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        // The first attempt also fails if another process removes the folder of the entry because it is still empty.
-        if let Err(error) = write_file(&path, &bytes).or_else(|_| write_file(&path, &bytes)) {
-            let why = format!(
-                "baked nodes are not kept for the next start: {error}; free some space, or set SCREE_CACHE to another folder or to `off`"
-            );
-            // If two threads fail one after the other, the first message is kept.
-            drop(self.problem.set(why));
-            return;
+        match write_file(&self.path(key, node), &bytes) {
+            Ok(()) => {}
+            // Another process removed the folder while it was empty. The entry is left out; later entries have their folder again.
+            Err(Error::File { source, .. }) if source.kind() == ErrorKind::NotFound => return,
+            Err(error) => return self.stop(&error),
         }
         self.counts[1].fetch_add(1, Ordering::Relaxed);
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         *written = written.map(|written| written + bytes.len() as u64).filter(|written| *written <= self.limit / 16);
         if written.is_none() {
             self.trim();
@@ -184,15 +166,25 @@ impl NodeCache {
         }
     }
 
-    /// If the entries exceed the limit, removes those that were not used for the longest time, until three quarters of the limit are left. Entries that
-    /// another process removes at the same time are skipped.
+    /// Writes no more entries. If several threads call this, the first message is kept.
+    fn stop(&self, why: &dyn Display) {
+        let mend = "to mend it, give the folder space and write access, or set SCREE_CACHE to another folder or to `off`";
+        drop(self.problem.set(format!("baked nodes are not kept for the next start: {why}; {mend}")));
+    }
+
+    /// If the entries exceed the limit, removes those that were not used for the longest time, until the others take at most three quarters of the
+    /// limit. Also removes temporary files that a killed process left behind, and empty folders. Files and folders with names that this cache does
+    /// not give are ignored.
     fn trim(&self) {
-        let inside = |folder: &Path| fs::read_dir(folder).into_iter().flatten().filter_map(std::result::Result::ok);
-        let folders: Vec<PathBuf> = inside(&self.folder).map(|entry| entry.path()).collect();
         let mut entries: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
-        for entry in folders.iter().flat_map(|folder| inside(folder)) {
-            if let Some(data) = entry.metadata().ok().filter(fs::Metadata::is_file) {
-                entries.push((data.modified().unwrap_or(SystemTime::UNIX_EPOCH), data.len(), entry.path()));
+        let folders: Vec<PathBuf> = inside(&self.folder, fs::Metadata::is_dir, is_key).map(|(path, _)| path).collect();
+        for (path, data) in folders.iter().flat_map(|folder| inside(folder, fs::Metadata::is_file, is_node)) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if !name.ends_with(TEMPORARY) {
+                entries.push((data.modified().unwrap_or(SystemTime::UNIX_EPOCH), data.len(), path));
+            } else if is_old(&data) {
+                // The file is not counted, so it does not matter if it cannot be removed.
+                drop(fs::remove_file(path));
             }
         }
         let mut size: u64 = entries.iter().map(|(_, bytes, _)| bytes).sum();
@@ -204,25 +196,58 @@ impl NodeCache {
             if size <= self.limit / 4 * 3 {
                 break;
             }
-            if fs::remove_file(path).is_ok() {
+            // Another process may have removed the entry already.
+            if fs::remove_file(&path).is_ok() || !path.exists() {
                 size -= bytes;
             }
         }
         for folder in folders {
-            // A folder that is not empty is not removed.
+            // Folders that are not empty stay.
             drop(fs::remove_dir(folder));
+        }
+        if size > self.limit {
+            self.stop(&format!("{} is full, and old entries cannot be removed", self.folder.display()));
         }
     }
 }
 
-fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let failed = |file: &Path| {
-        let file = file.to_owned();
-        move |source| Error::File { file, source }
+/// The files or folders in a folder whose names are accepted. Links are left out.
+fn inside(folder: &Path, is_kind: fn(&fs::Metadata) -> bool, accepts: fn(&str) -> bool) -> impl Iterator<Item = (PathBuf, fs::Metadata)> {
+    let entries = fs::read_dir(folder).into_iter().flatten().filter_map(std::result::Result::ok);
+    entries.filter_map(move |entry| {
+        // The metadata of an entry are those of the link, if it is a link.
+        let data = entry.metadata().ok().filter(is_kind)?;
+        accepts(entry.file_name().to_str()?).then(|| (entry.path(), data))
+    })
+}
+
+/// Whether a folder has the name of a key.
+fn is_key(name: &str) -> bool {
+    name.len() == 16 && name.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+}
+
+/// Whether a file has the name of an entry or of its temporary file.
+fn is_node(name: &str) -> bool {
+    let name = match name.strip_suffix(TEMPORARY) {
+        Some(name) => name.split_once('.').map_or("", |(name, _)| name),
+        None => name,
     };
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    name.split('-').count() == 3 && name.split('-').all(is_number)
+}
+
+/// Whether a file was written or refreshed more than an hour ago.
+fn is_old(data: &fs::Metadata) -> bool {
+    data.modified().is_ok_and(|modified| modified.elapsed().is_ok_and(|age| age > HOUR))
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(failed(folder))?;
-    files::write_whole(path, |temporary| fs::write(temporary, bytes).map_err(failed(temporary)))
+    // Several threads may write the same entry at the same time.
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    let writer = format!("{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    files::write_whole_by(path, &writer, |temporary| fs::write(temporary, bytes).map_err(failed(temporary)))
 }
 
 fn header(Key(key): Key, node: NodeId) -> [u8; HEADER] {
@@ -245,23 +270,37 @@ mod tests {
     #[test]
     fn the_folder_of_the_user_follows_from_the_environment() {
         let of = |variables: &[(&str, &str)]| {
-            let variables: Vec<_> = variables.iter().map(|(name, value)| (*name, OsString::from(value))).collect();
-            let cache = NodeCache::by(|name| variables.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone()));
-            cache.map(|cache| cache.folder().to_owned())
+            let value = |name: &str| variables.iter().find(|(known, _)| *known == name).map(|(_, value)| OsString::from(value));
+            NodeCache::by(value).map(|cache| cache.folder().to_owned())
         };
-        let home = if cfg!(windows) { ("LOCALAPPDATA", r"C:\home") } else { ("HOME", "/home/ada") };
-        let given = std::env::temp_dir().join("nodes of ada");
-        let given = given.to_str().expect("the temporary folder has a plain name");
-        assert_eq!(of(&[home, ("SCREE_CACHE", given)]), Some(Path::new(given).join("nodes")));
+        let home = std::env::temp_dir().join("home");
+        let home = (if cfg!(windows) { "LOCALAPPDATA" } else { "HOME" }, home.to_str().expect("the temporary folder has a plain name"));
         assert_eq!(of(&[home, ("SCREE_CACHE", "off")]), None);
         assert_eq!(of(&[]), None);
-        let of_system = of(&[home]).expect("a folder");
-        assert!(of_system.starts_with(home.1) && of_system.ends_with("scree/nodes"), "{}", of_system.display());
-        assert_eq!(of(&[home, ("SCREE_CACHE", "")]), Some(of_system.clone()));
-        // A path that is relative to the working directory would be a different folder for each start.
-        assert_eq!(of(&[home, ("XDG_CACHE_HOME", "caches")]), Some(of_system));
-        if cfg!(target_os = "linux") {
-            assert_eq!(of(&[home, ("XDG_CACHE_HOME", "/caches")]), Some(PathBuf::from("/caches/scree/nodes")));
+        let usual = of(&[home]).expect("a folder");
+        assert!(usual.starts_with(home.1) && usual.ends_with("scree/nodes"), "{}", usual.display());
+        assert_eq!(of(&[home, ("SCREE_CACHE", "")]), Some(usual));
+        let here = std::env::current_dir().expect("a working directory");
+        assert_eq!(of(&[home, ("SCREE_CACHE", "kept")]), Some(here.join("kept/nodes")));
+    }
+
+    #[test]
+    fn only_names_that_the_cache_gives_are_its_own() {
+        for (name, is_folder, is_file) in [
+            ("0123456789abcdef", true, false),
+            ("0123456789ABCDEF", false, false),
+            ("0123456789abcde", false, false),
+            ("photos-of-summer", false, false),
+            ("3-9-10", false, true),
+            ("3-9-10.4711-2.tmp", false, true),
+            ("3-9-10.txt", false, false),
+            ("3-9", false, false),
+            ("3-9-", false, false),
+            ("3-9-10-11", false, false),
+            (".tmp", false, false),
+            ("letter.tmp", false, false),
+        ] {
+            assert_eq!((is_key(name), is_node(name)), (is_folder, is_file), "{name}");
         }
     }
 }

@@ -1,12 +1,13 @@
-//! Normal cones of patches, for back-face culling of whole patches: a cone contains the normals of all triangles of a patch of 16 x 16
-//! quads.
+//! Normal cones, for back-face culling of whole patches. A patch has 16 x 16 quads. Its cone contains the normals of all its triangles.
 //!
-//! A cone is an axis a and a half angle: angle(n, a) <= half angle for every triangle normal n of the patch. It is stored in one texel of a
-//! BC3 image (SYSTEMS A, the part of the talk on terrain data). Red and green store x and y of the axis (a coordinate v as 0.5 v + 0.5), alpha
-//! stores sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means that the cone never culls the patch; this is the value
-//! for half angles near 90 degrees and above.
+//! A cone is an axis a and a half angle. For every triangle normal n of the patch, the angle between n and a is at most the half angle.
+//!
+//! The cone of a patch is stored in one texel of a BC3 image (SYSTEMS A: Moore, GDC 2018, the part on terrain data). Red and green store x and y of
+//! the axis (a coordinate v as 0.5 v + 0.5), alpha stores sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means that
+//! the cone never culls the patch. It is used for half angles near 90 degrees and above.
+//!
 //! Block compression can turn the axis by several degrees. The half angle is therefore measured from the *decoded* axis. The alpha block is written
-//! so that no decoded sine is smaller than its cone needs (ruling 5 in `ARCHITECTURE.md`).
+//! so that no decoded sine is smaller than the sine that its cone needs (ruling 5 in `ARCHITECTURE.md`).
 
 use crate::blocks::{self, BlockFormat, Effort};
 
@@ -80,11 +81,11 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
     }
 }
 
-/// Returns the smallest 8-bit alpha with which the cone around the decoded axis contains all normals, plus a margin for decoders that round
-/// differently; at most 255.
+/// Returns the smallest 8-bit alpha with which the cone contains all normals, plus a margin; at most 255. `red` and `green` are the decoded values of
+/// the axis. The margin is for decoders that round differently.
 ///
-/// Decoders may differ by 1/255 in an interpolated colour. So the cone must also contain all normals if red, green or both change by 1/255. They may
-/// also differ by 1/255 in an interpolated alpha, so 1/255 is added to alpha.
+/// An interpolated colour may differ by 1/255 between decoders, so the cone must also contain all normals if red, green or both change by 1/255. An
+/// interpolated alpha may also differ by 1/255, so 1/255 is added to alpha.
 fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
     // Only the cone that contains all directions is safe for a normal that is NaN or infinite.
     if normals.iter().flatten().any(|x| !x.is_finite()) {

@@ -117,7 +117,8 @@ impl Octave {
         let rows = [pcg(iv.wrapping_add(self.seed)), pcg(iv.wrapping_add(1).wrapping_add(self.seed))];
         let corner = |j: usize, i: u32, u: f64, v: f64| {
             let h = pcg(rows[j].wrapping_add(iu).wrapping_add(i));
-            // The two halves of the word are used unscaled here. The last line of the function scales the result to about -1..=1.
+            // The two 16-bit halves of the hash are the components of a gradient. They are not scaled here: the last line of the function scales the
+            // result to about -1..=1.
             (f64::from(h & 0xffff) - 32767.5) * u + (f64::from(h >> 16) - 32767.5) * v
         };
         let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -181,8 +182,8 @@ impl Gullies {
         Gullies { octave: Octave::new(seed, index, wavelength_m), wavelength_m }
     }
 
-    /// Returns the value, in -1..=1, and its approximate derivatives per metre, as if the weights of the cells and `down` were constant. `down` is
-    /// the unit vector down the slope.
+    /// Returns the value, in -1..=1, and its approximate derivatives per metre. The derivatives are computed as if the weights of the cells and
+    /// `down` did not depend on the position. `down` is the unit vector down the slope.
     fn at(&self, x: f64, y: f64, down: [f64; 2]) -> Dual {
         let o = &self.octave;
         let (iu, iv, fu, fv) = o.lattice(x, y);
@@ -231,7 +232,7 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
 
 /// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// For ground of one slope, the remapping is monotonic. So ridges stay ridges, and a wall roughly follows a contour line of the ground before the
+/// On ground of constant slope, the remapping is monotonic. So ridges stay ridges, and a wall roughly follows a contour line of the ground before the
 /// remapping. Crests should not become thinner, because a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
@@ -254,7 +255,7 @@ impl Strata {
         let h = pcg((bed as i32 as u32) ^ self.seed);
         let part = |bits: u32| f64::from(bits & 0xffff) * (1.0 / 65535.0);
         let rise = self.rise[0] + (self.rise[1] - self.rise[0]) * part(h);
-        // `rise` is the share of the period's height that the wall takes after the remapping, `width` the share that it takes before. The smaller
+        // `rise` and `width` are the shares of the period's height that the wall takes: `rise` after the remapping, `width` before it. The smaller
         // `width` is, the steeper the wall becomes. It is as small as the slope of the wall requires, but at least 0.3 of `rise`, so that gentle
         // ground has steps instead of walls.
         let slope = ground.slope_squared().sqrt();

@@ -178,15 +178,19 @@ pub struct World {
     reached_deg: AtomicU64,
     /// Where baked nodes are kept; `None` = they are not kept.
     cache: Option<Arc<NodeCache>>,
-    /// The key of the ground of nodes. It is computed when it is first needed, because all samples of a heightmap are hashed.
+    /// The key of this world's grounds in the cache of nodes. It is computed when it is first needed, because all samples of a heightmap are hashed.
     ground_key: OnceLock<Key>,
+    /// The key of the parts of a payload that do not depend on the palette. Worlds that [`World::laid_by`] returned have none: an edited scene has a new
+    /// state for every move of a slider, so payloads of these states would fill the cache.
+    cover_key: Option<OnceLock<Key>>,
 }
 
 /// The keys of a world's entries in the cache of nodes.
 #[derive(Clone, Copy)]
 struct Keys {
     ground: Key,
-    payload: Key,
+    /// `None` = payloads are not kept.
+    payload: Option<Key>,
 }
 
 impl World {
@@ -217,6 +221,7 @@ impl World {
                     reached_deg: AtomicU64::new(0),
                     cache: None,
                     ground_key: OnceLock::new(),
+                    cover_key: Some(OnceLock::new()),
                 })
             }
             scene::World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed, holes, colour_modulation } => {
@@ -269,6 +274,7 @@ impl World {
             reached_deg: AtomicU64::new(0),
             cache: None,
             ground_key: OnceLock::new(),
+            cover_key: Some(OnceLock::new()),
         }
     }
 
@@ -368,10 +374,12 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
-    /// Bound on the rounding error of an elevation that a shader computes in f32 from a 16-bit height, metres. The elevation is low + height * span.
-    /// The height is 0..=1, and low and low + span are the ends of [`World::height_range_m`]. Let S be |low| + span. Whatever the direction of
-    /// rounding, the height and the product are each off by at most 2^-23 of span, and the sum by at most 2^-23 of S. The host rounds low, span and
-    /// the elevations of a culling box to f32, each with an error of at most 2^-24 of the number. Together, these errors are at most 8 x 2^-24 of S.
+    /// Bound on the rounding error, metres, of an elevation that a shader computes in f32 as low + height * span. Here, height is the stored 16-bit
+    /// height as 0..=1, and low and low + span are the ends of [`World::height_range_m`]. With S = |low| + span, the bound is 8 x 2^-24 of S.
+    ///
+    /// It covers these errors, whatever the direction of rounding:
+    /// - The height and the product are each off by at most 2^-23 of span, and the sum by at most 2^-23 of S.
+    /// - The host rounds low, span and the elevations of a culling box to f32, each with an error of at most 2^-24 of the number.
     pub fn elevation_rounding_m(&self) -> f64 {
         let (low, high) = self.height_range_m;
         8.0 / 16_777_216.0 * (low.abs() + (high - low))
@@ -382,9 +390,9 @@ impl World {
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
-        // For one axis, returns the index of a quad, counted from the south-western corner of the world, and the position (0..=1) in the part of the
-        // quad that has data. If no edge of the data crosses the quad, this part is the whole quad. The divisor `end - start` is then 1, so the
-        // division does not change the position.
+        // Locates a coordinate along one axis. Returns the index of its quad, counted from the south-western corner of the world, and its position
+        // (0..=1) inside the part of the quad that has data. If no edge of the data crosses the quad, this part is the whole quad. Then `end - start`
+        // is 1, so the division does not change the position.
         let locate = |v: f64, half_extent: f64| {
             let [low, high] = [half - half_extent, half + half_extent].map(|edge| edge / spacing);
             let at = ((v + half) / spacing).max(low).min(high);
@@ -492,15 +500,15 @@ impl World {
 
     /// Makes a node, or reads it from the cache of nodes.
     fn make(&self, node: NodeId, palette: &PaletteMeans, cached: Option<(&NodeCache, Keys)>, keeps_ground: bool) -> Baked {
-        let read = |(cache, keys): (&NodeCache, Keys)| payload::from_bytes(node, &cache.read(keys.payload, node)?);
+        let read = |(cache, keys): (&NodeCache, Keys)| payload::from_bytes(node, &cache.read(keys.payload?, node)?);
         if let Some((payload, cover)) = cached.and_then(read) {
             return Baked { payload, ground: keeps_ground.then(|| self.ground(node, cached)), cover };
         }
         let ground = self.ground(node, cached);
         let cover = self.cover(&ground);
         let payload = self.dress(&ground, &cover, palette);
-        if let Some((cache, keys)) = cached {
-            cache.write(keys.payload, node, &payload::to_bytes(&payload, &cover));
+        if let Some((cache, Keys { payload: Some(key), .. })) = cached {
+            cache.write(key, node, &payload::to_bytes(&payload, &cover));
         }
         Baked { payload, ground: keeps_ground.then_some(ground), cover }
     }
@@ -528,8 +536,11 @@ impl World {
                 }
             }
         });
-        let materials = (&self.holes, self.colour_modulation, self.seed, &self.rules, self.material_count, palette);
-        Keys { ground, payload: Key::of("payload", (ground, materials)) }
+        let cover = self.cover_key.as_ref().map(|key| {
+            let materials = || (&self.holes, self.colour_modulation, self.seed, &self.rules, self.material_count);
+            *key.get_or_init(|| Key::of("cover", (ground, materials())))
+        });
+        Keys { ground, payload: cover.map(|cover| Key::of("payload", (cover, palette))) }
     }
 
     /// Returns the materials that the splat rules and strokes place on the ground of a node.
@@ -563,6 +574,7 @@ impl World {
             reached_deg: AtomicU64::new(self.reached_deg.load(Ordering::Relaxed)),
             cache: self.cache.clone(),
             ground_key: self.ground_key.clone(),
+            cover_key: None,
         }
     }
 
@@ -583,9 +595,9 @@ impl World {
         nodes.par_iter().map(bake).collect()
     }
 
-    /// The steepest slope, degrees. For a heightmap without added relief, it is the maximum over the triangles of neighbouring samples. Otherwise,
-    /// slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of these slopes
-    /// and, if there is a heightmap, of the slopes of the heightmap. It is computed once and then cached.
+    /// The steepest slope, degrees. For a heightmap without added relief, it is the maximum over the triangles of neighbouring samples. For other
+    /// worlds, slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD, and the result is their maximum.
+    /// With a heightmap, the maximum also includes the slopes of the heightmap. The result is computed once and then cached.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {
@@ -635,9 +647,9 @@ impl World {
     }
 }
 
-/// Rounds `length_m` to a multiple of the vertex spacing if the two differ only by a rounding error; returns `length_m` if they differ by more.
-/// Without this function, an edge of the data that should lie on a line of vertices could miss it by a rounding error. This would add a row of
-/// triangles with almost no width.
+/// Rounds `length_m` to a multiple of the vertex spacing `vertices_m` if the two differ only by a rounding error; otherwise returns `length_m`.
+/// Without the rounding, an edge of the data that should lie on a line of vertices could miss this line by a rounding error. The mesh would then have
+/// a row of triangles with almost no width.
 fn on_vertex(length_m: f64, vertices_m: f64) -> f64 {
     let nearest = (length_m / vertices_m).round() * vertices_m;
     if nearest > 0.0 && (nearest - length_m).abs() < 1e-6 * vertices_m { nearest } else { length_m }

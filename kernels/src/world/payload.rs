@@ -1,13 +1,15 @@
 //! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A, the part of the talk on terrain data).
 //!
-//! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In
-//! nodes coarser than the finest LOD, the grid is filtered: without the filter, relief that is finer than the spacing of the samples could be
-//! drawn as rows of spikes. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to vertices of the coarser
-//! node. Both nodes must therefore have equal heights on the common edge, so heights on edges are never filtered.
+//! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In nodes
+//! coarser than the finest LOD, the grid is low-pass filtered, because relief that is finer than the spacing of the samples could otherwise be drawn
+//! as rows of spikes.
 //!
-//! Vertices beyond the edge of a heightmap are drawn at this edge ([`World::drawn_at`]). They have the height of the ground there, which is never
-//! filtered either: vertices that are drawn at the same place must have equal heights. Normals and cones use the distances between vertices as they
-//! are drawn.
+//! Heights on the edges of nodes are never filtered. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to
+//! vertices of the coarser node, so both nodes must have equal heights on the common edge.
+//!
+//! Vertices beyond the edge of a heightmap are drawn at this edge ([`World::drawn_at`]), with the height of the ground there. This height is not
+//! filtered either, because vertices that are drawn at the same place must have equal heights. Normals and cones use the distances between the drawn
+//! positions of vertices.
 //!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
 //! the rules is not filtered. So a coarse node has the same material as a fine one where both have a splat texel.
@@ -64,8 +66,8 @@ pub struct NodePayload {
     /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, each coordinate v as 0.5 v + 0.5. The z of the normal is above 0 and
     /// follows from them. Red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
-    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 if vertex (i - 2, j - 2) is drawn where there is no ground ([`World::is_hole`]). The border
-    /// has 2 texels, so this vertex is the south-west corner of the texel.
+    /// BC1 132 x 132, sRGB. Alpha of a texel is 0 if the vertex at its south-west corner is drawn where there is no ground ([`World::is_hole`]). For
+    /// texel (i, j), this is vertex (i - 2, j - 2) of the node, because the border has 2 texels.
     pub albedo: Vec<u8>,
     /// BC1 132 x 132, linear. A value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
@@ -82,7 +84,7 @@ impl NodePayload {
     }
 }
 
-/// Bytes of the parts of a stored payload: the maps in the order of [`NodePayload`], and the cover.
+/// Byte counts of the parts of a stored payload: the maps in the order of [`NodePayload`], then the [`Cover`].
 const PARTS: [usize; 7] = [
     HEIGHT_SIDE * HEIGHT_SIDE * 2,
     TEXTURE_SIDE * TEXTURE_SIDE,
@@ -99,7 +101,7 @@ pub(super) fn to_bytes(payload: &NodePayload, cover: &Cover) -> Vec<u8> {
     [bytemuck::cast_slice(height), normal, albedo, colour_modulation, splat, cones, cover].concat()
 }
 
-/// The payload and the cover of which these are the bytes; `None` if their number is wrong.
+/// Reads a payload and its cover from the bytes that [`to_bytes`] returns; `None` if the number of bytes is wrong.
 pub(super) fn from_bytes(id: NodeId, bytes: &[u8]) -> Option<(NodePayload, Cover)> {
     if bytes.len() != PARTS.iter().sum::<usize>() {
         return None;
@@ -153,7 +155,7 @@ impl Ground {
         [&self.grid.heights, &self.source, self.relief.values.as_flattened()].map(bytemuck::cast_slice::<f64, u8>).concat()
     }
 
-    /// The ground of a node of which these are the bytes; `None` if their number is wrong.
+    /// Reads the ground of a node from the bytes that [`Ground::to_bytes`] returns; `None` if the number of bytes is wrong.
     pub(super) fn from_bytes(world: &World, id: NodeId, bytes: &[u8]) -> Option<Ground> {
         let (vertices, texels) = (GRID_SIDE * GRID_SIDE, SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
         if bytes.len() != (vertices + 3 * texels) * size_of::<f64>() {
@@ -288,9 +290,9 @@ impl Grid {
 }
 
 /// Returns the filtered height of vertex (i, j) of a working grid. The filter is the mean of the vertex and its neighbours, with the weights 1 2 1
-/// along each axis. It removes relief that alternates from vertex to vertex. Near the edges of the node, it is weaker: a height on the line through
-/// an edge is not changed, and a height one vertex away from such a line moves half of the way to the mean. The rule is the same on both sides of an
-/// edge, so neighbouring nodes of one LOD compute the same heights in their borders.
+/// along each axis. It removes relief that alternates from vertex to vertex. The filter is weaker near the edges of the node. A height on the line
+/// through an edge is not changed. A height one vertex away from such a line moves half of the way to the mean. The rule is the same on both sides of
+/// an edge, so neighbouring nodes of one LOD compute the same heights in their borders.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
     // Share of the way to the mean: 0 on a line through an edge of the node, 1/2 one vertex away from it, and 1 farther away.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
@@ -311,7 +313,7 @@ pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f6
     if id.lod > layout.finest_lod && grid.is_inner(world, i, j) { filtered(height, i, j) } else { height(i, j) }
 }
 
-/// Returns the materials of the splat texels (i, j), each index from -1 to 65: those of the node and one more on every side.
+/// Returns the palette index of the material at each splat texel (i, j), for i and j from -1 to 65: the node, and one ring of splat texels around it.
 pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let Ground { grid, source, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
@@ -330,7 +332,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
 ///
 /// The curvature and the derivatives of the height are computed at the points of a lattice that is fixed in the world. The spacing of the lattice is
 /// half the footprint. If texels are closer together than lattice points, the values are interpolated bilinearly; otherwise each texel lies on a
-/// lattice point. The slope follows from the derivatives at the texel. So all LODs use the same function.
+/// lattice point. The slope of a texel follows from its derivatives. So slope and curvature are the same functions of position at all LODs.
 struct RuleRelief {
     /// For each texel, the slope in degrees and the curvature.
     values: Vec<[f64; 2]>,
@@ -448,9 +450,9 @@ fn unorm8(v: f64) -> u8 {
     (v * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
-/// Returns, for each column (or row) of texels, the column from which its normals are computed, and the width of this column, metres. `steps`: the
-/// widths of all columns ([`Grid::steps`]). A column beyond the edge of a heightmap has no width. It repeats the nearest column that has a width,
-/// because texture filtering at the edge reads it.
+/// Returns, for each column (or row) of texels, the column from which its normals are computed, and the width of this column, metres. Usually, this
+/// is the column itself. A column beyond the edge of a heightmap has no width, so its normals are those of the nearest column that has one. They are
+/// needed, because texture filtering at the edge reads them. `steps`: the widths of all columns ([`Grid::steps`]).
 fn columns_with_ground(steps: &[f64]) -> Vec<(usize, f64)> {
     let has_width = |k: &usize| steps[*k] > 0.0;
     let first = (0..steps.len()).find(has_width).unwrap_or(0);
@@ -551,8 +553,9 @@ fn patch_normals(world: &World, height: &[u16], grid: &Grid) -> Vec<Vec<[f64; 3]
     patches
 }
 
-/// Returns the gradients of the two triangles of a quad, in metres of height per edge of the quad along x and y: first the triangle with the southern
-/// edge, then the triangle with the northern edge. The corner heights are given in the order south-west, south-east, north-west, north-east.
+/// Returns the gradients of the two triangles of a quad: the change in height, metres, over one edge length of the quad along x and along y. The
+/// first triangle has the southern edge, the second the northern edge. The corner heights are in the order south-west, south-east, north-west,
+/// north-east. `rises`: see [`diagonal_rises`].
 pub(super) fn triangle_gradients([sw, se, nw, ne]: [f64; 4], rises: bool) -> [[f64; 2]; 2] {
     if rises { [[se - sw, ne - se], [ne - nw, nw - sw]] } else { [[se - sw, nw - sw], [ne - nw, ne - se]] }
 }

@@ -17,6 +17,7 @@ use eframe::egui;
 use egui_tiles::Tree;
 use kernels::base::document;
 use kernels::base::error::one_line;
+use kernels::base::files::{FolderKind, folder_of_user};
 use kernels::scene::{self, Scene};
 use kernels::settings::Field as _;
 use serde::de::Error as _;
@@ -351,27 +352,15 @@ fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
     }
 }
 
-/// The file of the saved state: `$SCREE_STATE` if it is set, otherwise `scree/workbench.toml` in a folder that depends on the system. The folder is
-/// `$XDG_STATE_HOME` or else `~/.local/state` on Linux, `%APPDATA%` on Windows, and `~/Library/Application Support` on macOS. A variable that gives
-/// the folder is ignored if its path is relative. `None` = none of these variables can be used, and nothing is saved.
+/// The file of the saved state: `$SCREE_STATE` if it is set, otherwise `workbench.toml` in the folder that [`folder_of_user`] gives for the state.
+/// `None` = there is no such folder, and nothing is saved.
 pub fn place() -> Option<PathBuf> {
     place_by(|name| std::env::var_os(name))
 }
 
 fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    // A relative path would be a different file in each working directory.
-    let folder = |name: &str| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
-    if let Some(file) = variable("SCREE_STATE").filter(|file| !file.is_empty()) {
-        return Some(file.into());
-    }
-    let state = if cfg!(windows) {
-        folder("APPDATA")
-    } else if cfg!(target_os = "macos") {
-        folder("HOME").map(|home| home.join("Library/Application Support"))
-    } else {
-        folder("XDG_STATE_HOME").or_else(|| folder("HOME").map(|home| home.join(".local/state")))
-    };
-    Some(state?.join("scree").join("workbench.toml"))
+    let given = variable("SCREE_STATE").filter(|file| !file.is_empty());
+    given.map(PathBuf::from).or_else(|| Some(folder_of_user(FolderKind::State, variable)?.join("workbench.toml")))
 }
 
 /// The name of a scene in the saved state: `default` for the built-in scene, otherwise the absolute path of the argument of [`scene::load`]. If there
@@ -696,8 +685,6 @@ mod tests {
         assert!(by(&all).is_some_and(|file| file.starts_with(&home) && file.ends_with("scree/workbench.toml")));
         let own = [all[0].clone(), ("SCREE_STATE", OsString::from("own.toml"))];
         assert_eq!(by(&own), Some(PathBuf::from("own.toml")));
-        let relative = ["HOME", "APPDATA", "XDG_STATE_HOME"].map(|name| (name, OsString::from("relative")));
-        assert_eq!(by(&relative), None);
         assert_eq!(by(&[]), None);
     }
 
