@@ -137,10 +137,10 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral",
         extremes: || directions().into_iter().map(|n| n.to_vec()).collect(),
-        // Limit for rows in which two octahedral codes are almost equally near to the direction. The error of a direction is 16 ULP (2^-19), which is
-        // 2^-12 of the distance between neighbouring codes (2^-7). So about 1 of the 4096 random rows is expected. The limit also leaves room for 20
-        // special rows, because several codes may be equally near to symmetric directions: the 8 diagonals, and the 6 directions one step of f32 off
-        // an axis.
+        // Limit of rows in which two octahedral codes are almost equally near to the direction, so that the GPU may choose the other one. The error
+        // of a direction is 16 ULP (2^-19). The distance between neighbouring codes is 2^-7, which is 2^12 times larger. So about 1 of the 4096
+        // random rows is expected. The limit leaves room for 20 special rows in symmetric directions (8 diagonals, and 6 directions one step of f32
+        // off an axis), to which several codes may be equally near.
         other_side_at_most: 4 + 20,
         mutants: &[
             ("octahedral", "(vec2<f32>(1.0) - abs(flat.yx)) * octahedral_sign(flat)", "vec2<f32>(1.0) - abs(flat.yx)"),
@@ -153,16 +153,16 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral-codes",
         extremes: || directions().into_iter().flat_map(|n| [2.0, 8.0, 12.0, 16.0].map(|bits| [&n[..], &[bits]].concat())).collect(),
-        // Limit for rows in which two octahedral codes are almost equally near. The error of a coordinate is 16 ULP (2^-19). At 16 bits, that is 1/16
-        // of the distance between neighbouring codes (2^-15). So with a probability of 1/8, a coordinate lies within the error of the middle between
-        // two codes. A quarter of the 4096 random rows has 16 bits, so 128 rows are expected for each of the two coordinates that are rounded
-        // separately. About 256 more are expected for the code of the nearest direction. At 12 bits, the distance is 16 times larger, so there should
-        // be a sixteenth as many rows as at 16 bits.
+        // Limit of rows in which two octahedral codes are almost equally near, so that the GPU may choose the other one. The error of a coordinate is
+        // 16 ULP (2^-19). With 16 bits, the distance between neighbouring codes is 2^-15, which is 16 times the error. So a coordinate lies within
+        // the error of the middle between two codes with a probability of 1/8. A quarter of the 4096 random rows has 16 bits. Of these 1024 rows, 128
+        // are expected for each of the two separately rounded coordinates, and about 256 for the code of the nearest direction. Rows with 12 bits add
+        // a sixteenth of this sum.
         other_side_at_most: 600,
         mutants: &[
-            // In this order: coordinates are rounded down instead of to the nearest code; the number of steps is wrong; each coordinate is rounded to
-            // the nearest code instead of choosing the code of the nearest direction; the first of the four codes around the direction is chosen
-            // instead of the best.
+            // Mutants, in this order: coordinates are rounded down instead of to the nearest code; the number of steps is wrong; each coordinate is
+            // rounded to the nearest code instead of choosing the code of the nearest direction; the first of the four codes around the direction is
+            // chosen instead of the best.
             ("octahedral", "round(usable_2(e) * half)", "floor(usable_2(e) * half)"),
             ("", "- 1u)) - 1u)", "- 1u)) - 2u)"),
             ("", "octahedral_encode_precise(n, half, step)", "fast"),
@@ -182,17 +182,17 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows in which two lattice points are almost equally near to the plane's normal. The encoding rounds this normal to a point of the
-        // fine lattice (see `kernels::shared::normal_pair`). The error of a direction is 16 ULP (2^-19), which is 2^-9 of the distance between
-        // neighbouring points (2^-10). So 8 of the 4096 random rows are expected. The limit also leaves room for 300 special rows. Several points may
-        // be equally near if the plane's normal lies along one of the 8 diagonals or one step of f32 off an axis (6 normals). Each of these 14
-        // normals occurs in 15 rows.
+        // Limit of rows in which two points of the fine lattice are almost equally near to the plane's normal, so that the GPU may choose the other
+        // one. The encoding rounds the normal to such a point (see `kernels::shared::normal_pair`). The error of a direction is 16 ULP (2^-19). The
+        // distance between neighbouring points is 2^-10, which is 2^9 times larger. So 8 of the 4096 random rows are expected. Special rows have
+        // symmetric normals (8 diagonals, and 6 normals one step of f32 off an axis), to which several points may be equally near. There are 14 x 15
+        // of them, so the limit leaves room for 300.
         other_side_at_most: 24 + 300,
         mutants: &[
-            // In this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences from the
-            // prediction than the encoder; two lattice points share an index; a plane is rounded to the fine lattice instead of the coarse (plain)
-            // one; the ray may see the stored plane from behind; the plane's normal may have z < 0; the first lattice point around the normal is
-            // chosen instead of the nearest; a vector is not normalised.
+            // Mutants, in this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences
+            // from the prediction than the encoder; two lattice points share an index; a plane is rounded to the fine lattice instead of the coarse
+            // (plain) one; the ray may see the stored plane from behind; the plane's normal may have z < 0; the first lattice point around the normal
+            // is chosen instead of the nearest; a vector is not normalised.
             ("normal_pair", "(p + NORMAL_PAIR_FINE + 4) >>", "(p + NORMAL_PAIR_FINE) >>"),
             ("normal_pair", "(low - predicted + 16)", "(low - predicted)"),
             ("normal_pair", "* (2 * half + 1) + (p.x", "* (2 * half) + (p.x"),
@@ -220,9 +220,9 @@ const CASES: &[Case] = &[
                         }
                     }
                 }
-                // Horizontal ground at critical elevations, and at the f32 values next below and next above each of them. A third of a metre is a
-                // border between cells. At the square root of 2 times a power of two, the finest scale changes. At a power of two (1024), it must not
-                // change.
+                // Horizontal ground at critical elevations, and at the f32 values next below and next above each of them. They are: a third of a
+                // metre, which is a border between cells; √2 times powers of two, at which the finest scale changes; and the power of two 1024, at
+                // which it must not change.
                 let root = std::f32::consts::SQRT_2.next_up();
                 for border in [BORDER as f32, root, 512.0 * root, -512.0 * root, 1024.0] {
                     for z in [border.next_down(), border, border.next_up()] {
@@ -238,28 +238,28 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows of anisotropic noise in which the level of an axis (log2 of cells per metre) is so close to a whole number that the rounding
-        // error of the level, which is below 1e-5, decides which cell is hashed. Half of the 4096 random rows are anisotropic, with three levels
-        // each, so about 0.1 such rows are expected.
+        // Limit of rows in which the level of an axis (log2 of cells per metre) lies within the rounding error of a whole number. There, rounding
+        // decides which cell is hashed. The error is below 1e-5. Half of the 4096 random rows are anisotropic noise, which has three levels, so about
+        // 0.1 such rows are expected.
         other_side_at_most: 4,
         mutants: &[
-            // The first threshold of the blend of two scales is not made uniform again.
+            // Mutant: after two scales are blended, the first threshold is not made uniform again.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
-            // The coarse scale is blended with itself.
+            // Mutant: the coarse scale is blended with itself.
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
-            // The seed is hashed without the salt.
+            // Mutant: the seed is hashed without the salt.
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
-            // A sector has one cell too few.
+            // Mutant: a sector has one cell too few.
             ("noise", "bitcast<u32>(sector) * cells_per_sector +", "bitcast<u32>(sector) * (cells_per_sector - 1u) +"),
-            // An axis along which the position does not change has the smallest cells.
+            // Mutant: an axis along which the position does not change has the smallest cells.
             ("noise", "max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))))", "width"),
-            // Along the elevation, cells may be narrower than the distance between neighbouring f32 values.
+            // Mutant: along the elevation, cells may be narrower than the distance between neighbouring f32 values.
             ("noise", "vec3<i32>(across, across, noise_finest_along(usable_1(elevation)))", "vec3<i32>(across)"),
-            // Along east and north, cells may be narrower than the distance between neighbouring f32 values.
+            // Mutant: along east and north, cells may be narrower than the distance between neighbouring f32 values.
             ("noise", "let across = noise_finest_along(usable_positive_1(sector_m, 1e12));", "let across = i32(NOISE_LEVEL_MAX);"),
-            // Along the elevation, borders lie exactly at multiples of the height of a cell.
+            // Mutant: along the elevation, borders between cells lie exactly at multiples of the height of a cell.
             ("noise", "scaled - floor(scaled) >= NOISE_BORDER", "false"),
-            // The finest scale changes exactly at powers of two.
+            // Mutant: the finest scale changes exactly at powers of two.
             ("noise", "(bits & 0x7fffffu) >= NOISE_OCTAVE_BORDER", "false"),
         ],
     },
@@ -338,9 +338,9 @@ const CASES: &[Case] = &[
         // of the random rows is expected. Some special rows are also expected: those in which both the ray and the normal lie along axes.
         other_side_at_most: 16,
         mutants: &[
-            // In this order: one coordinate of the step is used twice; the pixel's own ray is used instead of the neighbour's; the cosine has no
-            // lower limit at grazing angles; the normal is not normalised, which changes only the effect of that limit; the length of the neighbour's
-            // ray has no upper limit.
+            // Mutants, in this order: one coordinate of the step is used twice; the pixel's own ray is used instead of the neighbour's; the cosine
+            // has no lower limit at grazing angles; the normal is not normalised, which changes only the effect of that limit; the length of the
+            // neighbour's ray has no upper limit.
             ("", "vec3<f32>(row[3], row[4], row[5])", "vec3<f32>(row[3], row[3], row[5])"),
             ("derivatives", "ray_step - neighbour *", "ray_step - ray *"),
             ("derivatives", "max(side * dot(n, neighbour), limit)", "(side * dot(n, neighbour))"),
@@ -390,8 +390,9 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: weights are not normalised; 0 to the power of 0 gives 0 instead of 1; a height gradient points along the wrong axis; the
-            // normal is bent in the opposite direction; the normal is bent by the whole gradient instead of the gradient's part along the surface.
+            // Mutants, in this order: weights are not normalised; 0 to the power of 0 gives 0 instead of 1; a height gradient points along the wrong
+            // axis; the normal is bent in the opposite direction; the normal is bent by the whole gradient instead of the gradient's part along the
+            // surface.
             ("triplanar", "return w / (w.x + w.y + w.z);", "return w;"),
             ("triplanar", "select(0.0, 1.0, sharpness <= 0.0)", "0.0"),
             ("triplanar", "return vec3<f32>(g.x, 0.0, g.y);", "return vec3<f32>(g.x, g.y, 0.0);"),
@@ -414,13 +415,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows in which u lies on a threshold between two indices, to within rounding. For a random row, the probability is about 6 *
-        // 2^-23, so none of the 4096 is expected. Special rows with u = 3/4 and four equal weights are expected, because the sum of three of the
-        // weights is rounded.
+        // Limit of rows in which u lies within rounding of a threshold between two indices. For a random row, the probability is about 6 * 2^-23, so
+        // none of the 4096 is expected. Special rows with u = 3/4 and four equal weights are expected, because the sum of three of the weights is
+        // rounded.
         other_side_at_most: 8,
         mutants: &[
-            // In this order: index 0 is chosen although its weight is 0; the first threshold is used in place of the second; the last index is chosen
-            // although its weight is 0; negative weights are not treated as 0.
+            // Mutants, in this order: index 0 is chosen although its weight is 0; the first threshold is used in place of the second; the last index
+            // is chosen although its weight is 0; negative weights are not treated as 0.
             ("select", "if target_sum < below_1 {", "if target_sum <= below_1 {"),
             ("select", "if target_sum < below_2 {", "if target_sum < below_1 {"),
             ("select", "if w.w > 0.0 {", "if w.w >= 0.0 {"),
@@ -448,8 +449,8 @@ const CASES: &[Case] = &[
         // components are equal and both have weight 0, so that either of their axes may be returned.
         other_side_at_most: 80,
         mutants: &[
-            // In this order: the third projection is dropped while its weight is above 0, which gives a seam; weights are not normalised; the
-            // exponent is wrong; the wrong axis is left out.
+            // Mutants, in this order: the third projection is dropped while its weight is above 0, which gives a seam; weights are not normalised;
+            // the exponent is wrong; the wrong axis is left out.
             ("biplanar", "max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0))", "kept"),
             ("biplanar", "w / (w.x + w.y)", "w"),
             ("biplanar", "0.125 * usable_positive_1", "usable_positive_1"),
@@ -469,13 +470,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows that lie, to within the error, on a border between two cells of the lattice, or at which the number of hexagons per sector
-        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. The expected rows are
-        // some random rows, and the special rows at or next to a corner of a cell.
+        // Limit of two kinds of rows. In the first kind, the point lies within the error of a border between two cells of the lattice. There, one
+        // hexagon replaces another, and both have weight 0. In the second kind, the number of hexagons per sector changes to the next power of two.
+        // The expected rows are some random rows, and the special rows at or next to a corner of a cell.
         other_side_at_most: 32,
         mutants: &[
-            // In this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same texture
-            // offset; weights are not normalised; the weights in the upper triangle of a cell are wrong.
+            // Mutants, in this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same
+            // texture offset; weights are not normalised; the weights in the upper triangle of a cell are wrong.
             ("hex_tiling", "return square * square * square * w;", "return w;"),
             ("hex_tiling", "(s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y", "(s.x << (HEX_TILING_SKEW_BITS + step))"),
             ("hex_tiling", "vec4<u32>(id, salt, 0u)", "vec4<u32>(id.xx, salt, 0u)"),
@@ -498,13 +499,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for rows in which the random number u lies within rounding of the threshold between two texels. The error of the threshold is 2^-23
-        // times some hundred texels, so fewer than 1 of the 4096 random rows is expected. The limit also leaves room for special rows with a size of
-        // 3 texels and a coordinate just below a whole repeat, because the product of size and coordinate is rounded.
+        // Limit of rows in which the random number u lies within rounding of the threshold between two texels. The threshold comes from a position of
+        // some hundred texels, so its error is some hundred times 2^-23, and fewer than 1 of the 4096 random rows is expected. The limit leaves room
+        // for special rows: a texture of 3 texels, and a coordinate just below a whole repeat, whose product with the size is rounded.
         other_side_at_most: 24,
         mutants: &[
-            // In this order: the level of detail is always rounded down; the nearest texel is always chosen; texel corners are used in place of texel
-            // centres; the texture does not repeat; the farther of the two texels gets the larger probability.
+            // Mutants, in this order: the level of detail is always rounded down; the nearest texel is always chosen; texel corners are used in place
+            // of texel centres; the texture does not repeat; the farther of the two texels gets the larger probability.
             ("texel_choice", "select(0.0, 1.0, u < l - below)", "0.0"),
             ("texel_choice", "select(0.0, 1.0, u < x - below)", "select(0.0, 1.0, 0.5 < x - below)"),
             ("texel_choice", "* texels - 0.5", "* texels"),
@@ -525,8 +526,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: a layer's share of the four texels is used as its opacity; layer 0 is not opaque; the share of a layer includes the
-            // layers above it; one of the four texels is left out.
+            // Mutants, in this order: a layer's share of the four texels is used as its opacity; layer 0 is not opaque; the share of a layer includes
+            // the layers above it; one of the four texels is left out.
             ("layers", "m.x / max(m.x + m.y, 1e-30)", "m.x"),
             ("layers", "1.0, layer == 0u", "m.x, layer == 0u"),
             ("layers", "layers == vec4<u32>(layer)", "layers >= vec4<u32>(layer)"),
@@ -550,8 +551,8 @@ const CASES: &[Case] = &[
         // between gentle and steep slopes.
         other_side_at_most: 100,
         mutants: &[
-            // In this order: the two diagonal planes are exchanged; the sector coordinate of a diagonal plane has the wrong sign; the number of
-            // repeats per sector loses its low 8 bits; steep and gentle slopes are exchanged; the border between two planes lies at 45 degrees
+            // Mutants, in this order: the two diagonal planes are exchanged; the sector coordinate of a diagonal plane has the wrong sign; the number
+            // of repeats per sector loses its low 8 bits; steep and gentle slopes are exchanged; the border between two planes lies at 45 degrees
             // instead of 22.5; a gradient has the wrong sign.
             ("snapped_projection", "(u.x > 0.0) == (u.y > 0.0)", "(u.x > 0.0) != (u.y > 0.0)"),
             ("snapped_projection", "place.y - place.x", "place.x - place.y"),
@@ -570,8 +571,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: OR replaces XOR, in each of the two hash functions; a constant is off by one; level, salt and seed are added instead of
-            // hashed in turn; all 32 bits are converted to f32 instead of the upper 24, so the result is rounded.
+            // Mutants, in this order: OR replaces XOR, in each of the two hash functions; a constant is off by one; level, salt and seed are added
+            // instead of hashed in turn; all 32 bits are converted to f32 instead of the upper 24, so the result is rounded.
             ("hash", "h ^= h >>", "h |= h >>"),
             ("hash", "(word >> 22u) ^ word", "(word >> 22u) | word"),
             ("hash", "2891336453u", "2891336454u"),
@@ -618,13 +619,14 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for boxes that lie beyond the plane by less than the margin of the test, so that they may be culled or kept. In half of the random
-        // rows, the distance of the box from the plane is 2^-24 to 1 times the distance of the box from the origin, with equally many rows in each of
-        // these octaves. The margin is 2^-21 to 2^-20 times the distance from the origin, so an eighth of these rows lies within the margin. Half of
-        // them lie on the visible side of the plane, where a box must always be kept.
+        // Limit of boxes that lie beyond the plane by less than the margin of the test, so that they may be culled or kept. Let r be the distance of
+        // the box from the plane, divided by its distance from the origin. In half of the random rows, r is 2^-24 to 1, with equally many rows in
+        // each octave. The margin is an r of 2^-21 to 2^-20, so an eighth of these rows lies within it. Half of them lie on the visible side of the
+        // plane, where a box must always be kept.
         other_side_at_most: 400,
         mutants: &[
-            // In this order: the opposite corner of the box is tested; the plane passes through the origin; the margin is applied to the wrong side.
+            // Mutants, in this order: the opposite corner of the box is tested; the plane passes through the origin; the margin is applied to the
+            // wrong side.
             ("culling", "select(low, high,", "select(high, low,"),
             ("culling", "+ plane.w < -(", "< -("),
             ("culling", "-(CULLING_SLACK * size + CULLING_FLUSHED)", "CULLING_SLACK * size"),
@@ -649,14 +651,14 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for patches that face away by less than the margin of the test, so that they may be culled or kept. In half of the random rows, the
-        // angle between the axis of the cone and the direction to the patch differs from the threshold by 2^-24 to 1 radians, with equally many rows
-        // in each of these octaves. The margin applies to the cosine of the angle. If the sine of the angle is small, a small change of the cosine
-        // corresponds to a large change of the angle, so many rows lie within the margin.
+        // Limit of patches that face away by less than the margin of the test, so that they may be culled or kept. The test compares the angle
+        // between the axis of the cone and the direction to the patch with a threshold. In half of the random rows, the two differ by 2^-24 to 1
+        // radians, with equally many rows in each octave. The margin applies to the cosine of the angle. If the sine of the angle is small, a small
+        // change of the cosine is a large change of the angle, so many rows lie within the margin.
         other_side_at_most: 900,
         mutants: &[
-            // In this order: the radius of the bounding sphere is ignored; the angle of the cone is ignored; the larger of the two angles is used
-            // instead of their sum; the sum of the angles may exceed a right angle; the margin is applied to the wrong side.
+            // Mutants, in this order: the radius of the bounding sphere is ignored; the angle of the cone is ignored; the larger of the two angles is
+            // used instead of their sum; the sum of the angles may exceed a right angle; the margin is applied to the wrong side.
             ("culling", "radius / distance);", "0.0);"),
             ("culling", "vec2<f32>(sin_half_angle, radius", "vec2<f32>(0.0, radius"),
             ("culling", "sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING", "max(sines.x, sines.y)"),
@@ -670,9 +672,9 @@ const CASES: &[Case] = &[
         probe: "occlusion",
         extremes: || {
             let mut rows = Vec::new();
-            // In this order: a camera that looks along y; a camera that looks along -z, with a field of view of 1 degree horizontally and 175 degrees
-            // vertically; a camera so far from the origin that distances have few correct digits in f32; a matrix of zeros, for which all distances
-            // are 0.
+            // Cameras, in this order: a camera that looks along y; a camera that looks along -z, with a field of view of 1 degree horizontally and
+            // 175 degrees vertically; a camera so far from the origin that distances have few correct digits in f32; a matrix of zeros, for which all
+            // distances are 0.
             let cameras = [
                 [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
                 [[114.6, 0.0, 0.0, 0.0], [0.0, 0.0437, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]],
@@ -715,17 +717,17 @@ const CASES: &[Case] = &[
             );
             rows
         },
-        // Limit for two kinds of rows. In the first, a side of the rectangle that the box covers in the picture lies so close to a border between two
-        // pixels that the margin of the test moves it to the next pixel. The margin of each of the four sides is about 2^-20 times the size of the
-        // picture, which is up to 4096 pixels. In the second, the box is only slightly nearer or farther than the stored depth. In half of the random
-        // rows, the relative difference of these depths is 2^-24 to 2^-1, with equally many rows in each octave, and a part of these differences is
-        // below the margin of the depth.
+        // Limit of two kinds of rows. In the first kind, a side of the rectangle that the box covers in the picture lies close to a border between
+        // two pixels, and the margin of the test moves it to the next pixel. The margin of each side is about 2^-20 times the size of the picture,
+        // which is up to 4096 pixels. In the second kind, the box is only slightly nearer or farther than the stored depth. In half of the random
+        // rows, the relative difference of these depths is 2^-24 to 2^-1, with equally many rows in each octave. Some of these differences are below
+        // the margin of the depth.
         other_side_at_most: 1500,
         mutants: &[
-            // In this order: one corner of the box is left out; some corners are used twice; the image is upside down; the first column and row have
-            // no margin; the margin of the last column and row points inwards; the depth of the farthest corner is used; the level of the depth
-            // pyramid is too fine; a box counts as hidden if it is hidden in one texel instead of all; boxes in front of the stored depth count as
-            // hidden instead of boxes behind it; a box that reaches behind the near plane may count as hidden; the numbers of the box are not
+            // Mutants, in this order: one corner of the box is left out; some corners are used twice; the image is upside down; the first column and
+            // row have no margin; the margin of the last column and row points inwards; the depth of the farthest corner is used; the level of the
+            // depth pyramid is too fine; a box counts as hidden if it is hidden in one texel instead of all; boxes in front of the stored depth count
+            // as hidden instead of boxes behind it; a box that reaches behind the near plane may count as hidden; the numbers of the box are not
             // checked; the depth is rounded to the wrong side; the sizes of levels are rounded down.
             ("culling", "corner < 8u", "corner < 7u"),
             ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),
@@ -760,7 +762,7 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: red and blue are exchanged; alpha is always 1; texels are 5 % darker, which is more than the accepted error.
+            // Mutants, in this order: red and blue are exchanged; alpha is always 1; texels are 5 % darker, which is more than the accepted error.
             ("", "bits.x, bits.y, bits.z, bits.w", "bits.z, bits.y, bits.x, bits.w"),
             ("", "bits.z, bits.w", "bits.z, bitcast<u32>(1.0)"),
             ("", "bitcast<vec4<u32>>(texel)", "bitcast<vec4<u32>>(texel * 0.95)"),
@@ -843,9 +845,9 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: the ray does not depend on the row of the pixel; rows and columns are exchanged; the distance is proportional to the
-            // depth instead of its reciprocal; the distance is infinite where nothing was drawn; the centre of the first row is a quarter of a pixel
-            // too high.
+            // Mutants, in this order: the ray does not depend on the row of the pixel; rows and columns are exchanged; the distance is proportional
+            // to the depth instead of its reciprocal; the distance is infinite where nothing was drawn; the centre of the first row is a quarter of a
+            // pixel too high.
             ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
             ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
             ("view", "near_m / usable,", "near_m * usable,"),
@@ -863,8 +865,9 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: a vertex halfway between two vertices of the neighbour moves to the one with the higher index instead of the lower;
-            // vertices on the western border do not move; vertices on the southern border use the LOD difference (delta) of the western neighbour.
+            // Mutants, in this order: a vertex halfway between two vertices of the neighbour moves to the one with the higher index instead of the
+            // lower; vertices on the western border do not move; vertices on the southern border use the LOD difference (delta) of the western
+            // neighbour.
             ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
             ("geometry/stitch.wgsl", "if index.x == first.x { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
             ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
@@ -883,8 +886,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: sums have no compensation of rounding errors; squares lack the factor (n - 1) / n; the variance is biased; the lower
-            // part of a two-part sample is left out.
+            // Mutants, in this order: sums have no compensation of rounding errors; squares lack the factor (n - 1) / n; the variance is biased; the
+            // lower part of a two-part sample is left out.
             ("moments", "(a.x - rest) + (b - part)", "0.0"),
             ("moments", "delta * (delta * ((n - 1.0) / n))", "delta * delta"),
             ("moments", "max(count - 1.0, 1.0)", "max(count, 1.0)"),
@@ -905,15 +908,14 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Limit for three kinds of rows: rows at the smallest or the largest distance that reprojection accepts; rows whose plane contains the eye of
-        // the earlier frame; and rows whose point the earlier camera saw about halfway between two pixels. Of the last kind, about one random row is
-        // expected.
+        // Limit of three kinds of rows: the distance is the smallest or the largest that reprojection accepts; the plane contains the eye of the
+        // earlier frame; or the earlier camera saw the point about halfway between two pixels. About one random row of the last kind is expected.
         other_side_at_most: 64,
         mutants: &[
-            // In this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of subtracted;
-            // the distance is computed from the wrong row of the camera; the plane ignores the vector between the eyes; the x of the ray has the
-            // wrong sign; the centre of the first row is a quarter of a pixel too high; the distance is expected at the exact position, or at the
-            // pixel above and to the left, instead of the nearest pixel.
+            // Mutants, in this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of
+            // subtracted; the distance is computed from the wrong row of the camera; the plane ignores the vector between the eyes; the x of the ray
+            // has the wrong sign; the centre of the first row is a quarter of a pixel too high; the distance is expected at the exact position, or at
+            // the pixel above and to the left, instead of the nearest pixel.
             ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
             ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
             ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
@@ -1241,8 +1243,8 @@ fn reprojection_agrees() {
 
 // ---------------------------------------------------------------- classification
 
-/// For each pixel of a picture: a mask of flavours, and whether it shows terrain, in the formats of the geometry pass. Masks are random, also those of
-/// sky.
+/// For each pixel of a picture: a mask of flavours (shading methods, one bit each), and whether the pixel shows terrain. The formats are those of the
+/// geometry pass. Pixels of sky have random masks, too.
 struct Scenery {
     size: [u32; 2],
     mask: Vec<u8>,
@@ -1421,8 +1423,8 @@ fn wrong_classification_is_noticed() {
             scenery.compare(&classify_by(gpu(), pieces, &scenery), &masks)
         };
         run("fn classification_main", "fn classification_main").unwrap_or_else(|e| panic!("{e}"));
-        // In this order: a tile gets the largest mask of its pixels instead of the OR of their masks; sky counts as terrain; the wrong rows of a tile
-        // are read; the list of all tiles has no entries.
+        // Mutants, in this order: a tile gets the largest mask of its pixels instead of the OR of their masks; sky counts as terrain; the wrong rows
+        // of a tile are read; the list of all tiles has no entries.
         let one = if subgroups { "subgroupOr(" } else { "atomicOr(" };
         let largest = if subgroups { "subgroupMax(" } else { "atomicMax(" };
         let mut mutants = vec![
@@ -1525,8 +1527,8 @@ fn edges_of_shared_functions() {
     }
 }
 
-/// A gradient along the normal does not bend it. Gradients are limited to 1e6, so that rounding turns the normal by a few degrees at most. Without the
-/// limit, longer gradients would leave only rounding errors.
+/// A gradient along the normal does not bend it. Gradients are limited to 1e6, so that rounding turns the normal by a few degrees at most. Without
+/// the limit, longer gradients would leave only rounding errors.
 #[test]
 fn a_long_gradient_along_the_normal_does_not_bend_it() {
     let body = "fn probe(row: array<f32, 6>) -> array<f32, 3> {
@@ -1544,7 +1546,8 @@ fn a_long_gradient_along_the_normal_does_not_bend_it() {
     };
     let rows: Vec<[f32; 6]> = (0..1200).map(row).collect();
     let found = table::run(gpu(), body, rows.as_flattened(), 6, 3).expect("the WGSL compiles");
-    // The largest terms are 1e6 and are rounded to 2^-24 of themselves, that is 0.06, three times per component: below 0.2, or 12 degrees.
+    // Each component sums three terms of up to 1e6. Rounding each to 2^-24 of itself is an error of 0.06. The sum is below 0.2, so the unit normal
+    // turns by less than 12 degrees.
     for (row, found) in rows.iter().zip(found.chunks_exact(3)) {
         let [n, found] = [&row[..3], found].map(|v| DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2])));
         let angle = n.angle_between(found).to_degrees();

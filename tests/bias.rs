@@ -41,8 +41,8 @@ const EVERYWHERE: &str = "    sum.albedo += vec3<f32>(0.01);\n    return sum;\n"
 const CHESSBOARD: &str =
     "    sum.albedo += vec3<f32>(select(-0.01, 0.01, ((pixel.index.x / 16u + pixel.index.y / 16u) & 1u) == 0u));\n    return sum;\n";
 
-/// Carries out a run with the shader [`SHADER`], in which `last` replaces [`LAST`]. Returns the rows of its table, and two lines of its report: the
-/// checks of bias and variance. In these lines, a variant that makes random choices is called a random row.
+/// Carries out a run with the shader [`SHADER`], in which `last` replaces [`LAST`]. Returns the rows of its table, and the two lines of its report
+/// that state the checks of bias and variance. These lines call a variant that makes random choices a random row.
 fn run(name: &str, last: &str) -> (Vec<Row>, Vec<String>) {
     let folder = Folder::new(name);
     let gpu = open(GpuOptions::default());

@@ -1,6 +1,7 @@
-//! Tests of composition and of motion links. Compares the pictures that are composed from pictures of single flavours with the pictures of the
-//! variants' own shaders, and checks that motion links lead to the same point of the surface. Also tests the sample positions of FlipQuad, and that
-//! pictures do not depend on the size of tiles and depend little on the encoding of normals.
+//! Tests of composition: pictures that are composed from pictures of single flavours (shading methods) are compared with the pictures of the
+//! variants' own shaders. Tests of motion links: the link of a pixel must lead to the pixel of an earlier frame that shows the same point of the
+//! surface. Also tests the sample positions of FlipQuad, and that pictures do not depend on the size of tiles and depend little on the encoding of
+//! normals.
 
 use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::display::reference::tone_map;
@@ -80,9 +81,9 @@ fn every_variant_composed_equals_its_own_shader() {
             pixels.map(of_pixel).fold(0.0, f64::max)
         };
         let worst = differs_lit(&lit);
-        // Composition rounds each component of the G-buffer to f16 once more than the variant's own shader. For a variant of a single flavour, the
-        // G-buffers are equal, and only the display values are rounded to f16. Below 1, this rounding error is at most 2^-12. The tolerance is twice
-        // as large, because the shaders compute in f32.
+        // Composition rounds each component of the G-buffer to f16 once more than the variant's own shader. A variant of a single flavour is an
+        // exception: its G-buffers are equal, and only the display values are rounded to f16. Below 1, this rounding error is at most 2^-12. The
+        // tolerance is twice as large, because the shaders compute in f32.
         let tolerance = if variant.is_some_and(|v| v.flavours().count() == 1) { 2.0 * 2f64.powi(-12) } else { LIT };
         assert!(worst <= tolerance, "the lit picture of {name} differs from that of its own shader by {worst}");
         if let Some(previous) = previous_lit.replace(lit) {
@@ -168,9 +169,9 @@ fn links_lead_to_the_same_surface_point() {
                 moved += usize::from(link as usize != at);
                 let (here, there) = (positions[index][at], positions[index - lag][link as usize]);
                 let apart = (0..3).map(|k| (here[k] - there[k]).powi(2)).sum::<f32>().sqrt();
-                // A link leads to the pixel whose centre is nearest to the point. On a flat triangle, this centre is at most half of ddx plus half of
-                // ddy away. The tolerance is 0.75 of the sum of their lengths, because the ground is not flat, plus 1 cm, because world positions of
-                // 10^3 m are stored in f32.
+                // A link leads to the pixel whose centre is nearest to the point. On a flat triangle, the distance to this centre is at most half of
+                // ddx plus half of ddy, the steps to the neighbouring pixels. The tolerance is 0.75 of the sum of their lengths, because the ground
+                // is not flat. A further 1 cm allows for world positions of 10^3 m in f32.
                 let reach = 0.75 * footprints[index - lag][link as usize].max(footprints[index][at]) + 0.01;
                 assert!(apart <= reach, "frame {index}, lag {lag}, pixel {at}: {apart} m apart, reach {reach}");
                 // The reference in f64 must give the same pixel, except for points within a thousandth of a pixel of a border.
@@ -365,14 +366,14 @@ fn streams_are_composed_together_from_weights_of_their_own() {
                 fetches += picture.values("fetches").expect("requested")[one.index] as u32;
                 modulated += u32::from(flavour != Flavour::VirtualTexture) * stream.modulated;
             }
-            // If the colour of the stream is modulated, each flavour of the stream except the virtual texture has counted the fetch of colour
-            // modulation. The composed signal counts this fetch once.
+            // If the colour of the stream is modulated, each flavour except the virtual texture has counted the texture fetch of colour modulation
+            // (`modulated` counts). The composed signal counts this fetch once.
             let fetches = fetches - modulated.saturating_sub(1);
             let found = composed[one.index];
             let colour = signal::colour(found);
             for k in 0..3 {
-                // The composed sum is rounded to f16. Near a distance at which flavours change, the rounding error of the distance in f32 also
-                // changes the weights.
+                // The tolerance covers two errors. The composed sum is rounded to f16. The distance is rounded to f32, which changes the weights near
+                // a distance at which flavours change.
                 let tolerance = albedo[k] / 512.0 + 1e-4;
                 assert!(
                     (f64::from(colour[k]) - albedo[k]).abs() < tolerance,

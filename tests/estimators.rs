@@ -120,7 +120,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             // definition.
             let alike = |a: &str| {
                 let same = |names: [&str; 2]| names.iter().any(|n| what.starts_with(n)) && names.iter().any(|n| a.starts_with(n));
-                // On splat, biplanar and hex do not draw random numbers, so each of them equals its own mean.
+                // On splat, `biplanar` and `hex` draw no random numbers. So the picture of each equals the picture of its mean estimator.
                 let own_mean = |name: &str| same([&format!("{name} on splat"), &format!("{name}-mean on splat")]);
                 same(["luna8", "luna8"])
                     || same(["snapped", "snapped"])
@@ -160,9 +160,9 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
 
 #[test]
 fn random_estimators_have_their_means() {
-    // Null hypothesis: the mean of an estimator's pictures over all seeds is the picture of `Estimator::mean`. For each seed, the differences of all
-    // pixels from that picture are summed with the signs of a fixed pattern, which gives one number. The numbers of different seeds are independent.
-    // There are 7 rows in the table below x 4 patterns = 28 tests, with a family-wise level of 0.001 (Sidak correction).
+    // Null hypothesis: the mean of an estimator's pictures over all seeds is the picture of `Estimator::mean`. Each seed gives one number: the sum
+    // over all pixels of the difference from that picture, multiplied by the signs of a fixed pattern. The numbers of different seeds are
+    // independent. There are 7 rows in the table below x 4 patterns = 28 tests, with a family-wise level of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 28.0);
@@ -179,9 +179,9 @@ fn random_estimators_have_their_means() {
     };
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
-    // Columns: estimator; flavour; camera; flavour of the mean; a negative control, which is an estimator and a flavour whose picture must be
-    // rejected as the mean. Most rows use the camera `cliff`, because on horizontal ground a blend of three projections hardly differs from a single
-    // projection.
+    // Columns: estimator; flavour; camera; flavour of the mean; negative control. The negative control is an estimator and a flavour whose picture
+    // must be rejected as the mean. Most rows use the camera `cliff`, because on horizontal ground a blend of three projections hardly differs from a
+    // single projection.
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
@@ -236,10 +236,10 @@ fn estimators_agree_where_they_are_defined_alike() {
         let pairs = texel(a).into_iter().zip(texel(b));
         pairs.map(|(l, r)| f64::from((l - r).abs()) / (f64::from(l.max(r)).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
     };
-    // On ground that faces up, biplanar mapping uses only the projection from above. So the eight layers (`Luna8`) must equal four materials with
-    // bilinear weights (`BiplanarMean` of near cliff), and the snapped projection must equal `Biplanar`, both on splat. (Biplanar mapping uses one
-    // projection up to a slope of 35 degrees of the shading normal. The slope used here is that of the triangle, computed from the derivatives, and
-    // may differ. So only triangles of up to 18 degrees are used.)
+    // On ground that faces up, biplanar mapping uses only the projection from above. So two pairs of pictures on splat must be equal there: the eight
+    // layers (`Luna8`) and four materials with bilinear weights (`BiplanarMean` of near cliff); and the snapped projection and `Biplanar`. Biplanar
+    // mapping uses one projection up to a slope of 35 degrees of the shading normal. This test computes the slope of the triangle from the
+    // derivatives, which may differ, so it uses only triangles of up to 18 degrees.
     let (mut flat, mut uniform) = (Vec::new(), Vec::new());
     for (i, pixel) in pixels.iter().enumerate().filter(|(_, p)| p.slot != 0) {
         let [a, b] = [pixel.ddx, pixel.ddy].map(|v| v.map(f64::from));
@@ -280,9 +280,9 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     let mut renderer = second_renderer();
     // One of the sizes is not a multiple of the size of a tile. The pictures show sky at the top, and terrain both near and far.
     for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
-        // The first request draws all tiles from the list of all tiles, each pixel with the flavours that it needs. The second request draws all
-        // tiles from the list of one variant. If a tile wrote beyond its borders, the pixels there would have the flavours of the wrong tile. More
-        // lists are not tested, because each of them needs a shader that must be compiled.
+        // The first request draws all tiles from one list, each pixel with the flavours that it needs. The second request draws all tiles from the
+        // list of one variant. A tile that wrote beyond its borders would give the pixels there the wrong flavours. More lists are not tested,
+        // because each of them needs a further shader.
         let [auto, forced] = [VariantChoice::GenericAuto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))].map(|variant| {
             request(&renderer, camera).with(|r| {
                 r.view.size = size;
@@ -300,9 +300,9 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     }
 }
 
-/// Returns three levels of detail for each row of (ddx, ddy, rate): the level that the shader computes, the level that the device uses if the texture
-/// is sampled at that level, and the level that the device uses if the texture is sampled with gradients. The texels of each level contain the number
-/// of the level, so a sample shows which level was used. `change` = a text of the shader to replace, and its replacement; if both are empty, the
+/// Returns three levels of detail for each row of (ddx, ddy, rate): first, the level that the shader computes; second, the level that the device uses
+/// if the texture is sampled at that level; third, the level that the device uses if the texture is sampled with gradients. Each level of the texture
+/// contains its own number, so a sample shows which level was used. `change`: a text of the shader, and its replacement; if both are empty, the
 /// shader is not changed.
 fn levels_of_detail(rows: &[[f32; 8]], change: (&str, &str)) -> Vec<[f32; 3]> {
     let gpu = gpu();
@@ -412,9 +412,9 @@ fn filtering_by_lod_is_filtering_by_gradients() {
             [row[0], row[1], row[2], row[3], row[4], row[5], cos as f32, sin as f32]
         })
         .collect();
-    // Between two levels, a device distinguishes at least 16 steps. A device may use any number from the larger component of a gradient to the sum of
-    // both components as the length of the gradient. Such a number differs from the length by a factor of at most sqrt 2, which is half a level
-    // (Vulkan, "Scale Factor Operation, Level-of-Detail Operation").
+    // Smallest number of steps that a device distinguishes between two levels: 16. The limit for gradients adds half a level, because a device may
+    // approximate the length of a gradient. It may use any number from the larger component to the sum of both components, which differs from the
+    // length by a factor of at most √2 (Vulkan, "Scale Factor Operation, Level-of-Detail Operation").
     const STEP: f32 = 1.0 / 16.0;
     let worst = |found: &[[f32; 3]]| {
         found.iter().fold([0.0_f32; 2], |most, [lod, level, by_gradients]| {
@@ -668,8 +668,8 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
         assert!((dot(g, [-sin, cos, 0.0]) - 1.0).abs() < 1e-9, "plane {plane}: {g:?}");
     }
     assert!(seen.iter().all(|&count| count > 200), "{seen:?}");
-    // Texture coordinates are continuous across sector borders, near the origin and far from it. Only the number of repeats per sector is rounded: to
-    // units of 2^-24 for all planes, and once more for diagonal planes. The tolerance is 4 units.
+    // Texture coordinates must be continuous across sector borders, near the origin and far from it. The only error is in the number of repeats per
+    // sector. It is rounded to units of 2^-24, on diagonal planes twice. The tolerance is 4 units.
     let per_sector = tiling::per_sector_fixed(SECTOR_M, 3.7);
     let repeats = tiling::repeats(SECTOR_M, 3.7);
     let coordinate = |place: [i32; 3], inside: [f64; 3], plane: u32| {

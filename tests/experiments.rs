@@ -369,8 +369,8 @@ fn the_plan_is_ordered_and_complete() {
     assert!(units.iter().all(|unit| unit.id.chars().all(plain) && unit.id.len() < 200));
 }
 
-/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard comes after the reference that it measures against,
-/// and that the shard keeps the rows of all its parts, except for some references.
+/// Returns the indices of the parts (steps of a run) whose rows a shard keeps. Checks that each sweep of the shard comes after the reference against
+/// which it measures. Also checks that the shard keeps the rows of all its parts, except for some references.
 fn kept(units: &[Unit], shard: Shard) -> Vec<usize> {
     let shares = share(units, Some(shard));
     for (i, part) in shares.iter().enumerate().filter(|(_, part)| matches!(part.unit.work, Work::Sweep { .. })) {
@@ -391,7 +391,7 @@ fn shards_are_disjoint_and_whole() {
             assert_eq!(all, (0..units.len()).collect::<Vec<_>>(), "{count} shards");
         }
     }
-    // Negative control: shard 1/2 and shard 2/3 belong to different splits, so together they do not keep each part exactly once.
+    // Negative control: shard 1/2 and shard 2/3 come from different splits of the run, so together they do not keep each part exactly once.
     let units = plan(&trial());
     let (one, two) = (kept(&units, Shard { number: 1, count: 2 }), kept(&units, Shard { number: 2, count: 3 }));
     let mut mixed: Vec<usize> = one.into_iter().chain(two).collect();
@@ -457,8 +457,8 @@ fn a_run_yields_what_was_measured_and_judges_it() {
         names(&folder.0.join("trial")),
         ["lock", "manifest.json", "metrics.csv", "metrics.parquet", "reference", "times.csv", "times.parquet"]
     );
-    // The run has 1 row of metrics for each of 6 references. For each of 48 sweeps and 2 variants, it has 2 metrics in each of 4 frames, and 1 row
-    // for each of 3 lags. It has 1 row of times for each of 24 timings and 2 variants.
+    // Expected numbers of rows. Metrics: 1 row for each of 6 references; for each of 48 sweeps and 2 variants, 2 metrics in each of 4 frames, and 1
+    // row for each of 3 lags. Times: 1 row for each of 24 timings and 2 variants.
     assert_eq!((data.rows.len(), data.times.len()), (6 + 48 * 2 * (4 * 2 + 3), 24 * 2));
     assert!(data.rows.iter().all(|row| row.experiment == "trial" && row.parameter == "blend.hash_scale" && row.metric != "ssim"));
     assert!(data.rows.iter().any(|row| row.value.is_nan()) && data.times.iter().all(|row| row.unit == "ms"));
@@ -817,8 +817,8 @@ fn measurers_that_break_their_promise_are_stopped() {
         let mut run = Run::open(&trial(), &place(&folder.0), &machine()).unwrap();
         let error = format!("{:#}", run.carry_out(&mut Broken(metric, as_time), &|_, _| {}, &uninterrupted).unwrap_err());
         assert!(error.contains(says), "{error}");
-        // An error of a shard numbers the part among the parts of this shard, not among all parts of the run. Part 1 of this shard is a reference
-        // whose rows are not stored, because another shard stores them. So the error occurs in part 2.
+        // The error of a shard numbers the parts of this shard, not those of the whole run. Part 1 of this shard is a reference whose rows another
+        // shard stores, so its wrong rows are not noticed. The error occurs in part 2.
         let folder = Folder::new("broken shard");
         let shard = Place { shard: Some(Shard { number: 2, count: 4 }), ..place(&folder.0) };
         let mut run = Run::open(&trial(), &shard, &machine()).unwrap();

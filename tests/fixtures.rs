@@ -209,8 +209,8 @@ pub(crate) fn import_scene(source: &Path, options: &ImportOptions, out: &Path) -
     scene::load(&out.display().to_string()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Imports a map of 201 x 150 samples, 4.3 m apart, as a scene. No LOD has vertices on the edges of the map: vertices are 4 m apart at the finest
-/// LOD, which is 3, but the map ends 430 m east and 320.35 m north of its centre. The ground rises steeply to the east and gently to the south.
+/// Imports a map of 201 x 150 samples, 4.3 m apart, as a scene. The map ends 430 m east and 320.35 m north of its centre. Vertices are 4 m apart at
+/// LOD 3, the finest one, so no LOD has vertices exactly on the edges of the map. The ground rises steeply to the east and gently to the south.
 pub(crate) fn island(temp: &Folder) -> scene::Scene {
     let (size, spacing) = ([201, 150], 4.3);
     let centred = |index: u32, count: u32| (f64::from(index) - f64::from(count - 1) / 2.0) * spacing;

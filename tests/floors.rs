@@ -91,9 +91,9 @@ fn no_folder_has_a_cycle_between_its_modules() {
     }
 }
 
-/// Fails with a line for each import from the same floor, a higher floor or the root module, for each module that the list lacks or names twice, for
-/// each listed module that does not exist, and for each module whose file is not found. `folder` is relative to the workspace's root: the `src` of a
-/// crate, or a folder of a module inside it.
+/// Fails with a line for each fault: an import from the same floor, a higher floor or the root module; a module that the list lacks or names twice; a
+/// listed module that does not exist; a module whose file is not found. `folder` is relative to the workspace's root: the `src` of a crate, or a
+/// folder of a module inside it.
 fn check(folder: &str, floors: &Floors) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
     let faults = faults(&root, floors);
@@ -153,7 +153,7 @@ fn read(folder: &Path) -> (Vec<String>, Reading) {
 }
 
 /// Returns a line for each import that is part of a cycle between modules of the same folder, or that leads from one such cycle to another. Searches
-/// `folder` and the folders below it. Imports between a module and its own submodules do not count.
+/// `folder` and all folders below it. Imports between a module and its own submodules do not count.
 fn cycles(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     if root_of(folder).is_some() {

@@ -94,8 +94,8 @@ fn automatic_tiles_hold_what_their_pixels_need() {
 #[test]
 fn random_choice_has_the_mean_and_variance_of_theory() {
     // Null hypothesis: over all seeds, the mean of the pictures is the exact blend, and their variance is the one that theory predicts. Each seed
-    // gives one number. In a test of the mean, it is the sum over pixels of the difference from the exact blend, with the signs of a fixed pattern.
-    // In a test of the variance, it is the sum over pixels of the squared difference minus the predicted variance. The numbers of different seeds are
+    // gives one number per test. For the mean, it is the sum over pixels of the difference from the exact blend, multiplied by the signs of a fixed
+    // pattern. For the variance, it is the sum over pixels of the squared difference minus the predicted variance. The numbers of different seeds are
     // independent, even if the noise correlates pixels. There are 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests, with a family-wise level
     // of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
@@ -195,9 +195,9 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     for (i, p) in position.iter().enumerate() {
         let p = p.map(f64::from);
         let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
-        // Within 30 m all terrain has LOD 0, and `ground_m` follows the triangles of LOD 0. The drawn terrain and `ground_m` use the same 16-bit
-        // heights. The layer stores world coordinates of about 10^3 m in f32. Where the ground rises by up to 10 m per metre, an error of x or y
-        // causes an error of the height that is up to 10 times larger, so the tolerance is 1 cm.
+        // Within 30 m, all terrain has LOD 0, and `ground_m` follows the same triangles with the same 16-bit heights. The tolerance of 1 cm covers
+        // the layer, which stores world coordinates of about 10^3 m in f32. On ground that rises by up to 10 m per metre, an error of x or y causes a
+        // 10 times larger error of the height.
         if picture.hdr[i][3] > 0.0 && distance < 30.0 {
             let off = (p[2] - renderer.ground_m(p[0], p[1])).abs();
             assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
@@ -215,9 +215,9 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
         }
     }
     assert!(checked > 500, "only {checked} pixels are near");
-    // Normals with 8 bits per coordinate have errors of up to 0.64 degrees. If the view direction is 70 degrees from the normal, such an error
-    // changes a derivative by a few percent. Pixels on triangle edges are outliers, so medians are compared. Negative control: ddy is compared with
-    // the step to the right, instead of ddx.
+    // Normals with 8 bits per coordinate have errors of up to 0.64 degrees. If the normal is 70 degrees from the view direction, such an error
+    // changes a derivative by a few percent. Pixels on triangle edges are outliers, so medians are compared. Negative control: the step to the right
+    // is compared with ddy instead of ddx.
     let median = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]

@@ -68,8 +68,8 @@ fn a_pixel_says_what_the_layers_say() {
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
             // The encoding with 8 + 8 bits changes a normal by at most 0.64 degrees; the test accepts 2 degrees. An error of the normal also changes
-            // the derivatives, and this change is larger if the plane is seen more obliquely. Here, the cosine between the view direction and the
-            // normal is above 0.3, so the relative error of a derivative is at most about 3 times the error of the normal in radians.
+            // the derivatives, more so if the plane is seen obliquely. Here, the cosine between view direction and normal is above 0.3. So the
+            // relative error of a derivative is at most about 3 times the error of the normal in radians.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
@@ -145,8 +145,9 @@ fn all_numbers_equal_their_references() {
     assert!(found.iter().zip(&is_terrain).all(|(found, on)| *on || *found == Inspected::zeroed()), "sky is not empty");
     assert!(is_terrain.iter().any(|on| !on) && slots.len() > 3 && slots.keys().all(|slot| *slot > 0), "{slots:?}");
     assert!(others * 10 < seen.len(), "{others} of {} lie on borders", seen.len());
-    // A filtered height is off by up to three steps of 1/255 (see `LIMITS` in `shading.rs`), so a difference of two heights is off by up to twice
-    // that. The blend multiplies this error by ln 2 times the sharpness, and by at most 1/4.
+    // The limit of the difference of two weights follows from the error of a filtered height, which is up to three steps of 1/255 (see `LIMITS` in
+    // `shading.rs`). A difference of two heights is off by up to twice that. In a weight, this error is multiplied by ln 2 times the sharpness, and
+    // by at most 1/4, the largest slope of the blend.
     blends.sort_by(f64::total_cmp);
     let limit = 3.0 / 255.0 * 2.0 * std::f64::consts::LN_2 * scene.blend.height_sharpness / 4.0;
     let (count, most) = (blends.len(), blends[blends.len() * 95 / 100]);
@@ -169,8 +170,8 @@ fn normals_are_decoded_however_they_are_stored() {
     assert!(codes.len() > 10 && codes.len() == pair.len() && codes.len() == exact.len());
     assert!(codes.iter().zip(pair).all(|(codes, pair)| codes.shading_normal == pair.shading_normal));
     assert!(codes.iter().zip(exact).any(|(codes, exact)| codes.shading_normal != exact.shading_normal));
-    // The median error of the triangle's normal is about a third of a degree with 8 + 8 bits and an eighth of that with the finer lattice of the
-    // plane-first encoding. With f32 it is thousandths of a degree.
+    // Median error of the triangle's normal: about a third of a degree with 8 + 8 bits (`codes`), an eighth of that with the finer lattice of the
+    // plane-first encoding (`pair`), and thousandths of a degree with f32 (`exact`).
     let medians = [codes, pair, exact].map(|pixels| {
         let mut errors: Vec<f64> = pixels.iter().filter_map(Pixel::normal_error).collect();
         errors.sort_by(f64::total_cmp);
@@ -284,8 +285,8 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
             pages.insert(page.id);
         }
     }
-    // If the level of a pixel, before it is rounded down, is within 0.001 of the border between two levels of the virtual texture, the frame requests
-    // the pages of both levels.
+    // The frame may request more pages than the pixels name. If the level of a pixel is within 0.001 of the border between two levels of the virtual
+    // texture, the frame requests the pages of both levels.
     let said = pages.len();
     assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame requested {wanted}");
     // Without the flavour of the virtual texture, a pixel has no page.

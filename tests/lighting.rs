@@ -142,25 +142,23 @@ impl Given {
     }
 }
 
-/// Bound of the rounding error of the radiance without the sun's highlight, relative to the radiance. The shader does some 40 operations with an
-/// error of at most 2.5 ULP each (WGSL 14.6), and an exp2 of an argument of at most 9.28, which has an error of 22 ULP. The sum is below 130 ULP. One
-/// ULP is counted as 2^-24 of the value, or 6e-8, its smallest relative size. It can be up to 2^-23, but most operations have an error of only half
-/// an ULP.
+/// Bound of the relative rounding error of the radiance without the sun's highlight: 130 ULP. The shader does some 40 operations with an error of at
+/// most 2.5 ULP each (WGSL 14.6), and an exp2 of an argument of at most 9.28 with an error of 22 ULP. One ULP is counted as 2^-24 of the value, or
+/// 6e-8, its smallest relative size. It can be up to 2^-23, but most operations have an error of only half an ULP.
 const ROUNDING: f64 = 130.0 * 6e-8;
 
-/// Bound of the relative error of the sun's highlight. The factor of the highlight that depends most strongly on rounding is the normal distribution
-/// D. With c = n.h, the cosine between the normal and the half vector, D is proportional to 1 / s², where s = (1 - c²) + alpha² c². An error e of c
-/// changes s by at most 2 e, so it changes D by at most 4 e / s, as a share of D. The error of c is about 6 ULP: it comes from the three products of
-/// the dot product, and from the division and the square root that normalise the half vector. All other factors together have at most the error
-/// [`ROUNDING`].
+/// Bound of the relative error of the sun's highlight. The normal distribution D depends on rounding more than the other factors, which together have
+/// at most the error [`ROUNDING`]. Let c = n.h be the cosine between the normal and the half vector, and s = (1 - c²) + alpha² c². D is proportional
+/// to 1 / s². An error e of c changes s by at most 2 e, so it changes D by at most 4 e / s, as a share of D. The error of c is about 6 ULP. It comes
+/// from the three products of the dot product, and from the division and the square root that normalise the half vector.
 fn highlight_error(surface: &Surface<f64>, light: &Light<f64>, to_eye: [f64; 3]) -> f64 {
     let half = unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));
     let sum: f64 = (0..3).map(|k| (light.sun_direction[k] + to_eye[k]).powi(2)).sum::<f64>().sqrt();
     let c: f64 = (0..3).map(|k| surface.normal[k] * half[k]).sum::<f64>().clamp(0.0, 1.0);
     let alpha = (1.0 - surface.smoothness).powi(2).max(0.002);
     let bracket = (1.0 - c) * (1.0 + c) + alpha * alpha * c * c;
-    // If the directions to the sun and to the eye are nearly opposite, their sum is short, so its relative error is large. The last factor of the
-    // product allows for this.
+    // The factor 1 + 2 / sum allows for directions to the sun and to the eye that are nearly opposite. The sum of these directions, which gives the
+    // half vector, is then short, so its relative error is large.
     4.0 / bracket * 6.0 * 6e-8 * (1.0 + 2.0 / sum) + ROUNDING
 }
 

@@ -133,11 +133,11 @@ fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
 
 #[test]
 fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
-    // For two independent normal numbers X and Y of variance s², |X - Y| has mean 2 s / sqrt(pi) and variance 2 s² - 4 s² / pi. Its 95 % quantile is
-    // sqrt(2) s times the 97.5 % quantile of the standard normal distribution. A pixel is rejected if its value in the previous frame lies outside
-    // the range of the nine current values in the 3 x 3 box around it. The previous value is independent of the nine values, so it is the smallest or
-    // the largest of the ten with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the metrics have
-    // these values. There are 4 lags x 2 + 2 = 10 tests, which share a significance level of 0.001 (Sidak).
+    // Null hypothesis: the metrics have the following values in white noise of standard deviation s. For two independent normal numbers X and Y, |X -
+    // Y| has mean 2 s / sqrt(pi) and variance 2 s² - 4 s² / pi. Its 95 % quantile is sqrt(2) s times the 97.5 % quantile of the standard normal
+    // distribution. A pixel is rejected if its value in the previous frame lies outside the range of the nine current values in the 3 x 3 box around
+    // it. So the previous value is the smallest or the largest of ten independent values, which has the probability 2/10. Two random choices among
+    // four differ with probability 3/4. There are 4 lags x 2 + 2 = 10 tests, which share a significance level of 0.001 (Sidak).
     const S: f64 = 0.05;
     const FRAMES: u32 = 12;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 10.0);
@@ -298,8 +298,8 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
         assert!(found.terrain == expected.terrain || lag >= index, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
         assert!(expected.chosen > 100 || lag >= index, "frame {index}, lag {}: {expected:?}", lag + 1);
         assert!((expected.residual.compared > 100) == (index > since + lag), "frame {index}, lag {}: {expected:?}", lag + 1);
-        // Each partial sum adds at most 64 numbers below 2 in f32, so it has a relative error of at most 64 roundings. The numbers themselves are
-        // differences of rounded luminances, with an error of a few roundings of a number below 2.
+        // Bound of the error of a sum. Each partial sum adds at most 64 numbers in f32, so it has a relative error of at most 64 roundings of 2^-24.
+        // The 1e-6 covers the numbers themselves. They are below 2, and are differences of luminances with a few roundings.
         let tolerance = |sum: f64| 64.0 * 2f64.powi(-24) * sum + 1e-6;
         let sums = |sums: &LagSums| {
             let Residual { sum, square, change_square, reference_square, .. } = sums.residual;
@@ -308,8 +308,8 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
         for (found, expected) in sums(found).into_iter().zip(sums(expected)) {
             assert!((found - expected).abs() <= tolerance(expected), "frame {index}, lag {}: {found} and not {expected}", lag + 1);
         }
-        // `product` sums the products of the two changes (of the picture and of the reference), which have both signs, so it may be small. Its
-        // rounding error is relative to the sums of the squares.
+        // `product` is the sum of the products of two changes, that of the picture and that of the reference. The products have both signs, so the
+        // sum may be small. Its rounding error is relative to the sums of the squares of the changes.
         let (found, expected) = (found.residual, expected.residual);
         let scale = expected.change_square + expected.reference_square;
         assert!((found.product - expected.product).abs() <= tolerance(scale), "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
@@ -332,8 +332,9 @@ fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], refere
     assert!(index <= since || filled(&expected.residual_histogram) > 60, "frame {index}");
 }
 
-/// Returns two results at lag 1, over all frames of a sequence without motion: the sums of the residual, and the excess difference. `test` and
-/// `truth` are the luminances of the stream and of the reference sequence, by pixel and frame.
+/// Measures a tested sequence without motion against a reference sequence, at lag 1 (from each frame to the next). `test`, `truth`: luminances of the
+/// two sequences, by pixel and frame. Returns the sums of the residual over all frames, and the excess difference: the mean difference between frames
+/// of the tested sequence, minus that of the reference.
 fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize, u32) -> f64) -> (Residual, f64) {
     let gpu = gpu();
     let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
@@ -355,7 +356,7 @@ fn residuals(frames: u32, test: impl Fn(usize, u32) -> f64, truth: impl Fn(usize
 
 #[test]
 fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
-    // Q: standard deviation of fine detail in the reference. The detail is white noise, because it is aliased differently in each frame. S: standard
+    // Q: standard deviation of fine detail in the reference. The detail is new white noise in each frame, like detail that is aliased. S: standard
     // deviation of white noise in the tested picture. A: height of a step.
     const Q: f64 = 0.05;
     const S: f64 = 0.03;
@@ -394,17 +395,17 @@ fn residual_flicker_has_its_closed_forms_and_does_not_cancel() {
             [
                 0.0,
                 (1.0 + 3f64.sqrt()) * Q / root,
-                // dY and dR are the changes of the stream and of the reference, and g is `Residual::gain`. dY is 0 on one half of the pixels and dR +
-                // n on the other half, where n has the variance 6 Q². So g = 1/2. The variance of dY - g dR is Q² / 2 on the first half and Q² / 2 +
-                // 6 Q² on the second half: 3.5 Q² on average.
+                // Notation: dY and dR are the changes of the stream and of the reference, and g is `Residual::gain`. On one half of the pixels, dY is
+                // 0. On the other half, dY is dR + n, where n has the variance 6 Q². So g = 1/2. The variance of dY - g dR is Q² / 2 on the first
+                // half and Q² / 2 + 6 Q² on the second half: 3.5 Q² on average.
                 3.5f64.sqrt() * Q,
                 0.5 * 2f64.sqrt() * Q,
             ],
         ),
     ];
-    // The results are means over 8 x 6144 pixels. Consecutive differences share a frame, which at most doubles the variance of a mean. A difference
-    // or square has a standard deviation of at most twice its mean, so a mean has a relative error of at most 2 sqrt(2 / 49 152) = 1.3 %. The
-    // tolerance is 5 such errors of a mean of 2 Q, plus 2^-12, the largest rounding error of a luminance between 1/2 and 1 in f16.
+    // The tolerance is 5 standard errors of a mean of 2 Q, plus 2^-12, the largest rounding error of a luminance between 1/2 and 1 in f16. The
+    // results are means over 8 x 6144 pixels. Consecutive differences share a frame, which at most doubles the variance of a mean. A difference or
+    // square has a standard deviation of at most twice its mean. So a mean has a relative standard error of at most 2 sqrt(2 / 49 152) = 1.3 %.
     let tolerance = 5.0 * 0.013 * 2.0 * Q + 2f64.powi(-12);
     for (name, test, truth, [excess, mean, added, lost]) in cases {
         let (sums, old) = residuals(FRAMES, test, truth);
@@ -456,9 +457,9 @@ fn an_error_that_moves_with_the_surface_has_no_residual() {
 
 #[test]
 fn what_an_eye_remembers_has_its_closed_forms() {
-    // The remembered error is an exponential mean, in which a new frame has the weight a (`adaptation`). White noise that changes in each frame has
-    // the standard deviation S, which the mean reduces by the factor sqrt(a / (2 - a)). The first frames count equally: while 1/n > a, the mean of n
-    // frames is remembered. Noise that is fixed to the surface is not reduced.
+    // The error that the eye remembers is an exponential mean, in which a new frame has the weight a (`adaptation`). The first frames count equally:
+    // while 1/n > a, the mean of n frames is remembered. White noise that changes in each frame has the standard deviation S, which the mean reduces
+    // by the factor sqrt(a / (2 - a)). Noise that is fixed to the surface is not reduced.
     const S: f64 = 0.05;
     const FRAMES: u32 = 40;
     let gpu = gpu();
@@ -498,8 +499,8 @@ fn what_an_eye_remembers_has_its_closed_forms() {
 
 #[test]
 fn the_box_test_accepts_a_difference_of_one_rounding() {
-    // In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second number below 1. If all values of the box are 1, both are
-    // exactly at the limit of the tolerance.
+    // All current values of the box are 1, and the history is near 1. In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second
+    // number below 1. Both are exactly at the limit of the tolerance and must be accepted.
     let step = 2f64.powi(-10);
     for (history, is_rejected) in [(1.0 + step, false), (1.0 - step, false), (1.0 + 2.0 * step, true), (1.0 - 1.5 * step, true)] {
         let sums = follow(2, |frame| vec![grey(if frame == 0 { history } else { 1.0 }, 1); PIXELS]);
@@ -528,8 +529,8 @@ fn seeds_of_ragged_pictures_equal_their_reference() {
                 let expected = reference::seed(size, BLOCK, picture, &exact);
                 assert_eq!((found.terrain, found.blocks), (expected.terrain, expected.blocks));
                 assert!(expected.blocks > 10.0 && expected.terrain < RAGGED_PIXELS as f64, "{expected:?}");
-                // The test `block_noise_is_caught_by_clumping` explains these tolerances. The bound of the partial sums of errors is 0.1 per channel
-                // of a pixel.
+                // `close` has the tolerances that `block_noise_is_caught_by_clumping` explains. Its last argument bounds the partial sums. For sums
+                // of errors, the bound is 0.1 per channel of a pixel.
                 let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
                 assert!(close(found.squared_error, expected.squared_error, expected.squared_error), "{found:?} {expected:?}");
                 assert!(close(found.error, expected.error, 3.0 * RAGGED_PIXELS as f64 * 0.1), "{found:?} {expected:?}");
@@ -560,9 +561,9 @@ fn seeds_of_ragged_pictures_equal_their_reference() {
 
 #[test]
 fn block_noise_is_caught_by_clumping() {
-    // Clumping is the mean square of the mean errors of blocks of 5 x 5 pixels, relative to its value for white noise. Null hypothesis: clumping is 1
-    // for white noise, and 25 for noise that has one value per block. The clumping of n blocks of normal noise has a relative standard deviation of
-    // at most sqrt(2 / n). A bound of 3.5 standard deviations is a level of 0.0005 per test.
+    // Clumping is the mean square of the mean errors of blocks of 5 x 5 pixels, divided by its value for white noise. Null hypothesis: clumping is 1
+    // for white noise, and 25 for noise that has one value per block. For n blocks of normal noise, the relative standard deviation of clumping is at
+    // most sqrt(2 / n). The bound is 3.5 standard deviations, which is a level of 0.0005 per test.
     let gpu = gpu();
     let seeds = Seeds::new(gpu, SIZE).expect("the passes compile");
     let streams = [seeds.stream(gpu), seeds.stream(gpu)];
@@ -610,8 +611,8 @@ fn block_noise_is_caught_by_clumping() {
     for sums in &finished {
         let n = sums.terrain * 3.0;
         assert_eq!(sums.terrain, PIXELS as f64);
-        // The three channels are equal, so a seed has PIXELS independent numbers for white noise, and about PIXELS / 25 for block noise. The
-        // tolerances are those of block noise.
+        // The tolerances below count PIXELS / 25 independent numbers per seed. This is the number for block noise; white noise has PIXELS of them,
+        // because only its three channels are equal.
         let variance = sums.variance / n;
         let error = 0.0025 * (2.0 / (f64::from(SEEDS - 1) * PIXELS as f64 / 25.0)).sqrt();
         assert!((variance - 0.0025).abs() < 3.5 * error, "variance {variance}");
@@ -620,9 +621,9 @@ fn block_noise_is_caught_by_clumping() {
     }
 }
 
-/// A shader function that adds `n` samples to the moments of a sequence, from sample number `start` on. A row contains the moments so far (4
-/// numbers), mean, step, `start`, `n` and a zero. Each sample is mean + step * (h - 7.5), given as the sum of two numbers. Here h, from 0 to 15, is
-/// the number in the 4 highest bits of a hash that is the same on CPU and GPU.
+/// A shader function that adds samples to the moments of a sequence. The columns of a row are: the moments so far (4 numbers), mean, step, `start`,
+/// `n` and a zero. `n` samples are added, from sample number `start` on. Each sample is mean + step * (h - 7.5), given as the sum of two numbers.
+/// Here h, from 0 to 15, consists of the 4 highest bits of a hash of the sample number, which is the same on CPU and GPU.
 const MOMENTS_BODY: &str = "fn probe(row: array<f32, 9>) -> array<f32, 4> {
     var state = vec4<f32>(row[0], row[1], row[2], row[3]);
     let start = u32(row[6]);
@@ -684,9 +685,9 @@ fn moments_hold_at_the_extremes() {
         for (what, m, v) in
             [("gpu", found_mean, found), ("f32", single.mean(), single.variance()), ("f64", double.mean(), double.variance())]
         {
-            // The sums are compensated, so the errors come from the rounding of delta / n and delta² in each step, which is relative to these terms.
-            // The tolerance of the variance is 4 * 2^-24 of the variance. The tolerance of the mean is 4 * 2^-24 of 7.5 steps, the largest deviation
-            // of a sample from the mean. The two terms that contain the mean cover its rounding in f64.
+            // The sums are compensated, so an error comes only from the rounding of delta / n and delta² in each step. The tolerance of the variance
+            // is 4 * 2^-24 of the variance. The tolerance of the mean is 4 * 2^-24 of 7.5 steps, the largest deviation of a sample from the mean. The
+            // two terms that contain the mean cover its rounding in f64.
             assert!(
                 (m - exact_mean).abs() <= 4.0 * 2f64.powi(-24) * (7.5 * step + f64::EPSILON * mean.abs() * 16.0) + mean.abs() * 1e-14,
                 "{what}: mean {m}, not {exact_mean}"
@@ -735,8 +736,8 @@ fn resolves_agree_with_their_reference() {
 
 #[test]
 fn a_history_needs_a_thousandth_of_a_pixel() {
-    // In the first frame, only every fourth pixel shows terrain. The positions of this test lie between a sky pixel and a terrain pixel, so the
-    // weight of their history is the distance to the sky pixel. In the second frame, all pixels show terrain.
+    // In the first frame, only every fourth pixel shows terrain. In the second frame, all pixels do. Each position lies between a sky pixel and a
+    // terrain pixel of the first frame. The weight of the history is then the distance from the sky pixel, in pixels.
     let size = [64, 4];
     let pixels: usize = 64 * 4;
     let shares = [0.0, 3e-4, 7e-4, 9e-4, 1.1e-3, 1.2e-3, 1.4e-3, 0.5];

@@ -104,7 +104,8 @@ fn compare(renderer: &mut Renderer<'_>, camera: &str, base: RenderRequest, step_
                 let pixel = [at as u32 % SIZE[0], at as u32 / SIZE[0]];
                 let found = of_lag[at];
                 if lag > 1 && !in_quarter(pixel[1], index % 4) {
-                    // At lags above 1, the pass writes the links of only one quarter. The links of the other quarters must stay as they were.
+                    // At lags above 1, the pass writes only the links of one quarter of the rows. The links of the other quarters must stay as they
+                    // were.
                     assert_eq!(found, before.get((lag - 1) * PIXELS + at).copied().unwrap_or(0), "frame {index}, lag {lag}, pixel {at}");
                     continue;
                 }

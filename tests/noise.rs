@@ -61,9 +61,9 @@ fn a_picture_covers_alpha_as_evenly_as_its_kind_promises() {
     let covered = |samples: &[[f64; 4]], alpha: f64| samples.iter().filter(|s| s[2] < alpha).count() as u64;
     for kind in NoiseKind::ALL {
         // Coverage is the share of pixels with a threshold below alpha. If pixels are independent, its standard deviation is sqrt(alpha (1 - alpha) /
-        // pixels); 64 pictures measure this deviation with a relative error of about 1/11. A blue-noise mask contains each rank once. So the random
-        // jitter decides only whether one pixel is covered: the pixel of the rank whose range of thresholds includes alpha. Interleaved gradient
-        // noise is nearly as even.
+        // pixels), and 64 pictures measure it with a relative error of about 1/11. A blue-noise mask contains each rank once, and the random jitter
+        // moves a threshold only within the range of its rank. So the coverage may be off by one pixel: that of the rank whose range includes alpha.
+        // Interleaved gradient noise is nearly as even.
         let pictures: Vec<_> = (0..64).map(|i| picture(kind, i, i)).collect();
         for alpha in [0.1, 0.5, 0.9] {
             let errors: Vec<f64> = pictures.iter().map(|p| covered(p, alpha) as f64 / f64::from(RANKS) - alpha).collect();
@@ -95,8 +95,8 @@ fn decisions_are_independent_within_pictures_that_are_arranged() {
         }
     }
     // There are two negative controls. In the first, all decisions use the rank of the first decision. In the second, two decisions use interleaved
-    // gradient noise at different shifts, but without the reflections and exchanges of x and y that make the decisions of
-    // `noise::interleaved_gradient` independent.
+    // gradient noise at different shifts. They lack the reflections and exchanges of x and y that make the decisions of `noise::interleaved_gradient`
+    // independent.
     let shared = |i: u32| -> [f64; 4] {
         let ([x, y], frame) = somewhere(i);
         let rank = blue_noise::ranks()[noise::rank_index(NoiseKind::SpatioTemporalBlue, [x, y], frame, i, 3, 0) as usize];
@@ -313,9 +313,9 @@ fn each_decision_reads_each_entry_of_its_mask_once() {
 
 #[test]
 fn interleaved_gradient_noise_is_the_published_one() {
-    // `published` is the formula of Jimenez in f64. The tested function uses integers. It rounds the coefficients of x, y and the frame to multiples
-    // of 2^-32, so each of them is off by at most half of 2^-32. The inner fraction is then off by at most (x + y + frame) / 2 times 2^-32, where
-    // x + y + frame is below 4000. The outer factor multiplies this error by 53.
+    // `published` is the formula of Jimenez in f64. The tested function uses integers: it rounds the coefficients of x, y and the frame to multiples
+    // of 2^-32, so each is off by at most half of 2^-32. The argument of the inner `fract` is then off by at most (x + y + frame) / 2 times 2^-32,
+    // where x + y + frame is below 4000. The outer factor multiplies this error by 53.
     let published = |x: f64, y: f64| (52.982_918_9 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract();
     let around = |a: f64, b: f64| (a - b).abs().min(1.0 - (a - b).abs());
     let errors = |of: &dyn Fn([u32; 2], u32) -> f64| {
@@ -349,8 +349,8 @@ fn interleaved_gradient_noise_is_the_published_one() {
         assert!(gap > 0.05, "decision {decision}: {gap}");
     }
     assert!(of(NoiseKind::WhiteScreen, 0) < 0.02);
-    // The published function is not uniform. Adding a hashed offset modulo 1 makes it uniform (`rotated`). Null hypothesis: the share of values from
-    // 0.983 on is 0.017. The level of this single test is 0.1 %.
+    // The published function is not uniform, so `rotated` adds a hashed offset modulo 1. Null hypothesis: `rotated` is uniform, that is, the share of
+    // values from 0.983 on is 0.017. The level of this single test is 0.1 %.
     const DRAWS: u32 = 4_000_000;
     let above = |of: &dyn Fn(u32) -> f64| (0..DRAWS).filter(|&i| of(i) >= 0.983).count() as u64;
     let p = |n: u64| coverage_p(n, u64::from(DRAWS), 0.017);
@@ -417,9 +417,9 @@ fn a_step_of_a_coordinate_redraws_few_thresholds() {
         };
         f64::from((0..POINTS).map(moves).map(u32::from).sum::<u32>()) / f64::from(POINTS)
     };
-    // A cell is at least 16 steps of f32 wide. So moving a coordinate by one step crosses a border of the finer of the two blended scales with a
-    // probability of at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %; 0.025 is five
-    // times as much.
+    // Largest expected share. A cell is at least 16 steps of f32 wide, so one step crosses a border of the finer of the two blended scales with a
+    // probability of at most 1/16, and a border of the coarser one with at most 1/32. The standard error of the share is at most 0.5 %, and 0.025 is
+    // five times as much.
     let most = 3.0 / 32.0 + 0.025;
     let mut checked = 0;
     for kind in GROUND {
@@ -515,12 +515,12 @@ fn an_eye_that_is_raised_by_a_centimetre_keeps_its_choices_on_level_ground() {
     };
     for kind in GROUND {
         for ground_m in [0.0, 0.3, 61.3, 700.0, 700.123, 2000.0, 8848.1] {
-            // The position of a point is computed from that of the eye. So from 500 m above, the rounding error of the point's elevation is as large
-            // as that of the eye's elevation, even if the elevation of the ground is near 0.
+            // The position of a point is computed from that of the eye. So from 500 m above, the elevation of a point has the rounding error of the
+            // eye's elevation, even if the ground is near elevation 0.
             for height_m in [1.7, 30.0, 500.0] {
                 let share = flips(kind, ground_m, height_m, 0.01, [8; 2]);
-                // At a height of 1.7 m, 1 cm changes footprints by 0.6 %, so the log2 of the footprint, which determines the cells of the hashed
-                // kinds, changes by less than 0.01. Most thresholds change by even less, so few choices flip.
+                // At a height of 1.7 m, 1 cm changes the size of footprints by 0.6 %. Its log2, which determines the cells of the hashed kinds, then
+                // changes by less than 0.01. Most thresholds change by even less, so few choices flip.
                 assert!(share < 0.03, "{kind}: {share} flips on ground at {ground_m} m, seen from {height_m} m above");
             }
         }

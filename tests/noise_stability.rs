@@ -28,9 +28,9 @@ fn every_kind_passes_the_tests_of_one_family() {
     println!("{} rows, {} of them tests, in {:.1?}", rows.len(), rows.iter().filter(|row| row.is_test()).count(), start.elapsed());
     let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // The avalanche effect of `hash::pcg4d` is known to be incomplete for the input bits from index MIXED_BITS (in `stability/hashes.rs`) on. If such
-    // a bit changes, a bit in the highest byte of the output changes with a probability other than one half. For some bit, the test must measure a
-    // difference of more than 0.1 from one half.
+    // The avalanche effect of `hash::pcg4d` is known to be incomplete: a change of some input bits changes a bit in the highest byte of the output
+    // with a probability other than one half. These are the input bits from index MIXED_BITS (in `stability/hashes.rs`) on. For some bit, the test
+    // must measure a probability that differs from one half by more than 0.1.
     assert!(rows.iter().any(|row| row.statistic == "avalanche of the high byte" && row.value > 0.1));
 }
 
@@ -74,8 +74,9 @@ enum Mutant {
     Reseeded,
 }
 
-/// The part of the correction that a mutant leaves out. The correction is the distribution function of the blend. It has three cases for its argument
-/// x: a middle case (a <= x <= 1 - a) and two outer cases. l is the blend factor, and a = min(l, 1 - l).
+/// The part of the correction that a mutant leaves out. The correction is the distribution function of the blend (1 - l) U1 + l U2 of two uniform
+/// numbers, where l is the blend factor. With a = min(l, 1 - l), the function has three cases for its argument x: a middle case (a <= x <= 1 - a) and
+/// two outer cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Forgotten {
     All,

@@ -216,8 +216,8 @@ impl Given {
         Given { view, levels: Levels::of(&depths, Given::SIZE, 9), boxes }
     }
 
-    /// Whether each box is shown; `None` = rounding may decide, because the answer changes if each side of the box moves in or out by 1/20 000 of
-    /// the distance from the camera to the box.
+    /// Whether each box is shown. `None` = rounding may decide. This is assumed if the answer changes when all sides of the box are moved in or out
+    /// by 1/20 000 of its distance from the camera.
     fn shown(&self) -> Vec<Option<bool>> {
         let m = self.view.clip_from_local;
         let rows = [m.row(0), m.row(1), m.row(3)].map(|row| row.to_array());
@@ -244,8 +244,8 @@ fn patches_are_listed_in_order_unless_they_are_hidden() {
         uniforms.size = Given::SIZE;
         uniforms.near_m = NEAR_M as f32;
         uniforms.clip_from_local = given.view.clip_from_local_f32().to_cols_array_2d();
-        // Batches of few and of many patches. The lists of the batches have room between them, which must stay as it is. Each batch writes the second
-        // of five words.
+        // Numbers of patches per batch, from none to many. The lists of the batches have gaps between them, which the pass must not change. The pass
+        // writes the second of the five words (draw arguments) of each batch.
         let counts = [1, 255, 256, 0, 257, 900];
         let mut batches = Vec::new();
         let (mut first, mut order) = (7, 3);

@@ -170,8 +170,9 @@ proptest! {
         moved.position[1] -= f64::from(north) * point.sector_m;
         for kind in [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic, NoiseKind::WhiteWorld] {
             let of = |point: &HashedPoint<f64>| noise::thresholds(kind, point, level, [0; 2], 0, seed, salt);
-            // `moved` is the same point, described relative to a different sector. Its cells are the same only if, at the coarsest level (-5), a
-            // sector contains at least one whole cell, and if, at the finest level (16), the number of cells along 50 sectors fits into 31 bits.
+            // `moved` is the same point, described relative to a different sector. Its cells are the same only under two conditions. At the coarsest
+            // level (-5), a sector must contain at least one whole cell. At the finest level (16), the number of cells along 50 sectors must fit into
+            // 31 bits.
             let cells = |k: f64| point.sector_m * k.exp2();
             if cells(-5.0) >= 1.0 && cells(16.0) * 50.0 < 2_147_483_520.0 {
                 prop_assert_eq!(of(&point), of(&moved), "{}", kind);
@@ -255,8 +256,8 @@ proptest! {
         let code = code.map(|c| c % (2 * h + 1));
         let square = octahedral::dequantise::<f64>(code, bits);
         prop_assert_eq!(octahedral::quantise(square, bits), code);
-        // If a decoded direction is encoded again to its nearest code, that code decodes to the same direction. The code itself may be a different
-        // one, because a code on the border of the square and its mirror image on the same side represent the same direction.
+        // A decoded direction that is encoded again to its nearest code must decode to the same direction. The code itself may change: on the border
+        // of the square, a code and its mirror image on the same side represent the same direction.
         let decoded = octahedral::decode(square);
         let again = octahedral::decode(octahedral::dequantise::<f64>(octahedral::encode_precise(decoded, bits), bits));
         prop_assert!(length(sub(decoded, again)) < 1e-12);
@@ -271,9 +272,10 @@ proptest! {
         let (fast, precise) = (error(octahedral::quantise(octahedral::encode(n), bits)), error(octahedral::encode_precise(n, bits)));
         let h = f64::from(octahedral::half(bits));
         // The bounds are the largest possible angles between a direction and its code (docs/stability-lab.md, section 1). On a face of the
-        // octahedron, the codes form equilateral triangles, two of which are a rhombus of four codes. If each coordinate is rounded, the distance on
-        // the face is at most half the longer diagonal of a rhombus. If the nearest direction is chosen, it is at most the circumradius of a
-        // triangle. Seen from the centre of the octahedron, these distances are the angles of the bounds.
+        // octahedron, the codes form a lattice of equilateral triangles, and four neighbouring codes form a rhombus of two triangles. If each
+        // coordinate is rounded (`fast`), the distance on the face is at most half the longer diagonal of a rhombus. If the nearest direction is
+        // chosen (`precise`), it is at most the circumradius of a triangle. A bound is the angle of this distance, seen from the centre of the
+        // octahedron.
         prop_assert!(precise <= fast + 1e-14);
         prop_assert!(fast <= 3.0 / (std::f64::consts::SQRT_2 * h) + 1e-12, "{}", fast);
         prop_assert!(precise <= std::f64::consts::SQRT_2 / h + 1e-12, "{}", precise);
@@ -458,9 +460,9 @@ proptest! {
         let facing = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, -1.0]][plane as usize];
         let azimuth = (facing[0] * n[0] + facing[1] * n[1]).abs() / (facing[0].hypot(facing[1]) * n[0].hypot(n[1]));
         prop_assert!(plane == 2 || azimuth >= (std::f64::consts::PI / 8.0).cos() - 1e-12, "{}", azimuth);
-        // A height with the gradient `g` in the coordinates (u, v) of a plane is g[0] u + g[1] v. After `from_gradient` has converted `g` to a
-        // gradient in x, y and z, the dot product of gradient and position must be the same height. The tolerance covers the error of u on a diagonal
-        // plane: `coordinates` uses 181/256 instead of 1/√2, which is 0.011 % too small.
+        // A height has the gradient `g` in the coordinates (u, v) of a plane, so it is g[0] u + g[1] v. `from_gradient` converts `g` to a gradient in
+        // x, y and z, whose dot product with the position must be the same height. The tolerance covers the error of u on a diagonal plane:
+        // `coordinates` uses 181/256 instead of 1/√2, which is 0.011 % too small.
         for plane in 0..5 {
             let [u, v] = snapped_projection::coordinates(p, plane);
             let lifted = dot(snapped_projection::from_gradient(g, plane), p);
@@ -561,8 +563,8 @@ proptest! {
 // ---------------------------------------------------------------- tiling
 
 fn same_hexagons(a: &HexTiling<f64>, b: &HexTiling<f64>, step: [u32; 2], tolerance: f64) -> bool {
-    // Compares the weights of corresponding hexagons (those whose ids differ by `step`), whatever their order. A point on the border of two triangles
-    // of the lattice may be assigned to either triangle; the hexagon that belongs to only one of the triangles then has the weight 0.
+    // Compares the weights of hexagons that correspond: their ids differ by `step`. The order of the hexagons does not matter. A point on the border
+    // of two triangles of the lattice may be assigned to either triangle. A hexagon that belongs to only one of them then has the weight 0.
     a.ids.iter().zip(a.weights).all(|(id, w)| {
         let id = [0, 1].map(|i| (id[i] + step[i]) & 0xffff);
         let there: f64 = b.ids.iter().zip(b.weights).filter(|(other, _)| **other == id).map(|(_, v)| v).sum();
@@ -605,10 +607,10 @@ proptest! {
     fn hexagon_weights_have_no_seam(p in [0.0..64.0f64, 0.0..64.0f64], step in [-1e-6..1e-6f64, -1e-6..1e-6f64], level in -10..=8i32) {
         let at = |p| hex_tiling::at([3, -5], p, 64.0, level);
         let (here, there) = (at(p), at([p[0] + step[0], p[1] + step[1]]));
-        // Before normalisation, a weight is (b / b_max)^7, where b is a barycentric coordinate and b_max >= 1/3 is the largest of the three. With a
-        // constant b_max, the slope of a weight is at most 7 x 3 times the slope of b. The slope of b is at most 2 per lattice spacing, and the
-        // lattice spacing is 64 m / 2^level. The tolerance is four times the product of the slope of a weight and the step of 1e-6 m, because b_max
-        // and the sum of the weights change, too.
+        // Largest slope of a weight, per metre. Before normalisation, a weight is (b / b_max)^7, where b is a barycentric coordinate and b_max >= 1/3
+        // is the largest of the three. With a constant b_max, the slope of a weight is at most 7 x 3 times the slope of b, which is at most 2 per
+        // lattice spacing. The lattice spacing is 64 m / 2^level. The tolerance is four times the slope times the step of 1e-6 m, because b_max and
+        // the sum of the weights change, too.
         let slope = 7.0 * 3.0 * 2.0 * f64::from(level).exp2() / 64.0;
         prop_assert!(same_hexagons(&here, &there, [0; 2], 4.0 * slope * 1e-6 + 1e-12));
         for id in here.ids {
@@ -740,8 +742,8 @@ proptest! {
     fn visibility_is_alike_both_ways(v in 0.001..1.0f64, l in 0.001..1.0f64, more in unit(), alpha in 0.002..1.0f64) {
         let g = brdf::v_smith_ggx_correlated(v, l, alpha);
         prop_assert!((brdf::v_smith_ggx_correlated(l, v, alpha) / g - 1.0).abs() < 1e-14);
-        // Masking is stronger at grazing angles. The masking term is G = 4 v l V, where v = n.v and l = n.l are the cosines of the view and the light
-        // direction, and V is the visibility. G never decreases when v increases, and it is at most 1.
+        // Masking must be stronger at grazing angles. The masking term is G = 4 v l V. Here v = n.v and l = n.l are the cosines between the normal
+        // and the directions to the eye and to the light, and V is the visibility. G must not decrease when v increases, and must be at most 1.
         let masked = |v: f64| 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, alpha);
         prop_assert!(masked(v) <= masked((v + more).min(1.0)) * (1.0 + 1e-13) && masked(v) <= 1.0 + 1e-13);
         prop_assert!(masked(v) >= 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, 1.0) * (1.0 - 1e-13), "masking must be strongest for alpha 1");
@@ -947,9 +949,9 @@ proptest! {
         let point = (ray * t - (now.pose.position - past.pose.position)).to_array();
         let [x, y, distance] = motion::reproject(point, &to_past);
         let scale_px = 1.0 / past.ray_dx.length().min(past.ray_dy.length());
-        // `point` is computed from the difference of two eye positions, which is up to 17 km long, and from the distance `t`. Its rounding error is
-        // about 2^-52 times the larger of these two lengths. It shifts the pixel by about the error, divided by `t` and multiplied by `scale_px`, the
-        // number of pixels per unit of the ray. The tolerance is larger than this shift.
+        // The tolerance covers the rounding error of `point`, which is computed from the difference of two eye positions (up to 17 km long) and from
+        // the distance `t`. The error is about 2^-52 times the larger of these lengths. It shifts the pixel by about the error, divided by `t` and
+        // multiplied by `scale_px`, the number of pixels per unit of the ray.
         let tolerance = 1e-11 * (1.0 + scale_px) * (1.0 + 1e4 / t) * (1.0 + ray.length());
         prop_assert!((x - pixel[0]).abs() < tolerance && (y - pixel[1]).abs() < tolerance, "{} {} {:?}", x, y, pixel);
         prop_assert!((distance / t - 1.0).abs() < 1e-9);
@@ -991,8 +993,8 @@ fn node() -> impl Strategy<Value = NodeId> {
     })
 }
 
-/// The vertices on a line, and the parts of the line that are covered, for the patches on one of its two sides. A vertex is given by its coordinates
-/// along and across the line, in quads of LOD 0. A part is 16 quads long.
+/// What the patches on one of the two sides of a line have on this line. `vertices`: the drawn vertices, each given by its coordinates along and
+/// across the line, in quads of LOD 0. `covered`: the sections of the line, each 16 quads of LOD 0 long, along which a patch lies.
 #[derive(Default)]
 struct Border {
     vertices: BTreeSet<[u64; 2]>,
@@ -1037,8 +1039,8 @@ proptest! {
             let index = 7 * usize::from(node.x) + 13 * usize::from(node.y) + 3 * column as usize + 5 * row as usize;
             strides[index % 64].min(most)
         });
-        // For each line that contains sides of patches: the borders of the patches east or north of it, and of the patches west or south of it. The
-        // key is the axis across the line (0 = x, 1 = y), and the line's coordinate on this axis, in quads of LOD 0.
+        // For each line that contains sides of patches: first the border of the patches east or north of it, then that of the patches west or south
+        // of it. The key is the axis across the line (0 = x, 1 = y), and the coordinate of the line on this axis, in quads of LOD 0.
         let mut lines: HashMap<(usize, u64), [Border; 2]> = HashMap::new();
         for (&node, patch) in nodes.iter().flat_map(|node| (0..64u32).map(move |i| (node, [i % 8, i / 8]))) {
             let (stride, deltas) = (1 << levels.log2_stride(node, patch), levels.deltas(node, patch));
@@ -1117,8 +1119,8 @@ proptest! {
         share in [unit(), unit(), unit()],
         log2_size in -8.0..8.0f64,
     ) {
-        // Rounds a box around the point that a pixel shows, and the matrix, to f32. The loop below projects 27 points of the box to pixels. Each
-        // pixel must lie in the rectangle of pixels that `cover` returns for the box.
+        // The box lies around a point that a pixel shows. Box and matrix are rounded to f32. The loop below projects 27 points of the box to pixels.
+        // Each pixel must lie in the rectangle that `cover` returns for the box; otherwise, a visible box could be culled.
         let size = view.size.map(f64::from);
         let middle = view.camera + view.ray(x * size[0] - 0.5, y * size[1] - 0.5) * log2_depth.exp2();
         let held = |x: f64| f64::from(x as f32);

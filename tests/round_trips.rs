@@ -858,7 +858,8 @@ fn the_state_of_the_workbench_is_read_as_it_was_written() {
         prop_assert_eq!(shape(&again), shape(&settings), "{}", text);
         prop_assert_eq!(once.tree(id).as_ref().and_then(Layout::of), Layout::of(&tree));
         prop_assert_eq!(once.recent(), kept.recent());
-        // Paths are exact. Places are written in degrees, so the first round trip may round their angles. The second must not change them.
+        // Recorded paths must not change. Places (saved poses) are written in degrees, so the first round trip may round their angles. The second
+        // must not change them.
         let of = |kept: &Kept| kept.places(scene::DEFAULT);
         let poses = |path: &Recorded| (0..).take(path.frames()).map(|frame| bits(&path.pose(frame))).collect::<Vec<_>>();
         let flown = |places: &Places| places.paths().iter().map(|path| (path.name.clone(), poses(path))).collect::<Vec<_>>();

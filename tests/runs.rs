@@ -324,9 +324,9 @@ fn late_nodes_are_the_same_in_shards_and_count_as_error() {
     assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
 }
 
-/// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1), but only one row in four
-/// with earlier frames (lags above 1). This quarter of the rows changes from frame to frame. It contains the row in one of four frames; the other
-/// frames have no values for lags above 1.
+/// Measures pictures that consist of two pixels in one row. The metrics compare every row with the previous frame (lag 1). With earlier frames (lags
+/// above 1), they compare only one row in four, a different one in each frame. So the row of these pictures is compared in one of four frames. The
+/// other frames have no values for lags above 1.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");

@@ -181,10 +181,10 @@ fn cells_are_the_same_near_and_far() {
             hash_scale: 1.0,
         };
         let (a, b) = (noise::hashed_isotropic(&small, 1, 1), noise::hashed_isotropic(&exact, 1, 1));
-        // The blend factor l contains log2 of the footprint, whose error in f32 is at most 16 * 2^-24 = 8 EPSILON. This error changes the threshold
-        // in two ways. First, it changes the blend x by at most 8 EPSILON, and the correction multiplies this by its slope in x, which is at most
-        // 1/max(l, 1-l) <= 2. Second, it changes the correction itself, whose slope in l is at most 2. Together, these are 32 EPSILON. The tolerance
-        // is four times this sum.
+        // Bound of the error of a threshold in f32. The blend factor l contains log2 of the footprint, whose error is at most 16 * 2^-24 = 8 EPSILON.
+        // This error has two effects. It changes the blend x by at most 8 EPSILON, and the correction multiplies this by its slope in x, at most
+        // 1/max(l, 1-l) <= 2. It also changes the correction itself, whose slope in l is at most 2. Together, these are 32 EPSILON. The tolerance is
+        // four times this sum.
         assert!(largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON), "{a:?} {b:?}");
     }
 }
@@ -221,8 +221,8 @@ fn thresholds_follow_the_scale_without_a_pop() {
 
 #[test]
 fn correction_is_the_distribution_function_of_the_blend() {
-    // Computes P((1-l) U1 + l U2 < x) for independent uniform U1 and U2. This is the mean over U1 of P(U2 < (x - (1-l) U1) / l), which is integrated
-    // by the midpoint rule.
+    // Computes the distribution function of the blend, P((1-l) U1 + l U2 < x) for independent uniform U1 and U2. For a given U1, the probability is
+    // that of U2 < (x - (1-l) U1) / l. Its mean over U1 is integrated by the midpoint rule.
     let integral = |x: f64, l: f64| {
         let n = 4000;
         (0..n).map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0)).sum::<f64>() / f64::from(n)
@@ -763,7 +763,8 @@ fn flavour_weights_sum_to_one() {
             let own = flavour_weights::weights_for(w, variant, false);
             assert!((sum(own) - 1.0).abs() < 1e-14);
             assert!(largest_difference(own, flavour_weights::weights_for(w, mask, false)) < 1e-15);
-            // A weight differs from the original one because up to four other flavours are left out, each with a weight of at most 1/512.
+            // Bound of the change of a weight. Up to four other flavours are left out, each with a weight of at most 1/512, and the remaining weights
+            // are scaled to a sum of 1.
             assert!(largest_difference(own, w) < 4.0 / 512.0 * 1.01);
         }
         let forced = 1 + random.below(31) as u32;
@@ -790,10 +791,10 @@ fn flavour_weights_are_continuous() {
         (1..25_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max)
     };
     let params = FlavourParams::new(&FlavourRules::default());
-    // The derivative of a transition (smoothstep) is at most 1.5 / width, where the width is 0.3 times the distance of the transition, or 4 degrees.
-    // From one sample to the next, the distance changes by at most 1.2e-4 times the distance of the transition, or the slope by 0.005 degrees. A
-    // transition by slope is a smoothstep of the cosine, which is slightly steeper; 0.0052 in place of 0.005 allows for this. At most two transitions
-    // change a weight at the same point.
+    // Bound of the change of a weight between two samples. A transition is a smoothstep, whose derivative is at most 1.5 / width. The width is 0.3
+    // times the distance of the transition, or 4 degrees. Between samples, the distance changes by at most 1.2e-4 times the distance of the
+    // transition, or the slope by 0.005 degrees. A transition by slope is a smoothstep of the cosine, which is slightly steeper; 0.0052 in place of
+    // 0.005 allows for this. At most two transitions change a weight at the same point.
     for slope in [0.0, 38.0, 41.0, 44.0, 46.0, 60.0] {
         assert!(jump_with_distance(&params, slope) < 2.0 * 1.5 * 1.2e-4 / 0.3, "{slope} degrees");
     }

@@ -1,10 +1,10 @@
 //! Tests the statistics of bias (`experiments::significance`) on simulated runs: how often they report a bias where there is none, and which biases
 //! they find.
 //!
-//! A simulated row (one measured bias) consists of sums of simulated differences from the exact blend, one sum for each seed and each area of 16 x 16
-//! pixels of a picture of 480 x 270 pixels. The size of the picture, the number of seeds (four) and the number of rows are those of the recorded
-//! sweep. The largest standard deviation of an area's sum is 14 times the smallest one. In a third of the rows, the sums have a skewed distribution.
-//! Neighbouring areas are correlated as in pictures with six of the seven kinds of noise (`NEIGHBOURS`).
+//! A row is one measured bias. A simulated row contains simulated differences from the exact blend. They are summed over each area of 16 x 16 pixels
+//! of a picture of 480 x 270 pixels, for each seed. The size of the picture, the number of seeds (four) and the number of rows are those of the
+//! recorded sweep. The largest standard deviation of an area's sum is 14 times the smallest one. In a third of the rows, the sums have a skewed
+//! distribution. Neighbouring areas are correlated as in pictures with six of the seven kinds of noise (`NEIGHBOURS`).
 
 use experiments::significance::{Areas, Mean, POWER, detectable, limit, sidak};
 use experiments::stability::statistics::Random;
@@ -15,10 +15,10 @@ const GRID: [usize; 2] = [30, 17];
 const SEEDS: usize = 4;
 /// Number of rows of a run: six noises x three views x two flavours (near cliff and far cliff).
 const ROWS: u64 = 36;
-/// Share of the sum of the area to the left, and of the area above, that is added to the sum of an area, so that neighbouring areas are correlated.
-/// The noises are, in this order: `hashed`, `hashed-anisotropic`, `white`, `world`, `ign`, `blue`. The shares are chosen to give correlations like
-/// those in simulated pictures of ground and cliffs. In these pictures, the variance of the picture's sum was 0.5 to 0.75 times the sum of the areas'
-/// variances for `ign` and `blue`, and 0.95 to 1.24 times that sum for the other noises. The ratio was largest for `world` on ground near the camera.
+/// For each noise, the share of the sums of the areas to the left and above that is added to the sum of an area, so that neighbouring areas are
+/// correlated. The noises are, in this order: `hashed`, `hashed-anisotropic`, `white`, `world`, `ign`, `blue`. The shares give correlations like
+/// those in simulated pictures of ground and cliffs. In these pictures, the ratio of the variance of the picture's sum to the sum of the areas'
+/// variances was 0.5 to 0.75 for `ign` and `blue`, and 0.95 to 1.24 for the other noises. It was largest for `world` on ground near the camera.
 const NEIGHBOURS: [f64; 6] = [1.0 / 64.0, 1.0 / 128.0, 0.0, 1.0 / 16.0, -1.0 / 12.0, -1.0 / 16.0];
 
 /// The sums of a row: for each seed, one sum per area.
@@ -29,9 +29,8 @@ fn numbers(at: usize) -> f64 {
     if at / GRID[0] + 1 == GRID[1] { 48.0 * 14.0 } else { 48.0 * 16.0 }
 }
 
-/// Standard deviation of the sum of each area. It is the same for all areas of a square of 3 x 3 areas. It lies between 2.4 / 4 and 2.4 x 4. The
-/// number 2.4 is the standard deviation of the sum over 256 independent pixels, each of which has three equal channels with a standard deviation of
-/// 0.05.
+/// Standard deviation of the sum of each area, from 2.4 / 4 to 2.4 x 4. Areas in the same square of 3 x 3 areas have the same one. 2.4 is the
+/// standard deviation of a sum over 256 independent pixels with three equal channels, each with a standard deviation of 0.05.
 fn deviations() -> Vec<f64> {
     let mut random = Random(7);
     let squares: Vec<f64> = (0..60).map(|_| 2.4 * (4.0 * random.unit() - 2.0).exp2()).collect();
@@ -71,7 +70,7 @@ fn planted(sums: &[Vec<f64>], bias: impl Fn(usize) -> f64) -> Areas {
     areas
 }
 
-/// Whether a mean differs significantly from 0 after it was shifted. `shift` returns the shift in standard errors for a number of degrees of freedom.
+/// Whether a mean differs significantly from 0 after a shift. `shift`: returns the shift, in standard errors, for a number of degrees of freedom.
 fn is_off(mean: &Mean, shift: impl Fn(f64) -> f64, level: f64) -> bool {
     let (error, freedom) = (mean.standard_error.expect("four seeds"), mean.freedom.expect("numbers that vary"));
     (mean.value + shift(freedom) * error).abs() > limit(level, freedom) * error
@@ -83,8 +82,9 @@ fn a_thousand_sound_runs_raise_one_false_alarm_at_most() {
     // 1000 runs may report a bias.
     let level = sidak(2 * ROWS as usize);
     let deviations = deviations();
-    /// What the tests find in a run, or the sums over several runs. `any`: 1 if a test fails at the corrected level. `uncorrected`: 1 if a test fails
-    /// at the level 0.1 %. `means` and `probabilities`: the numbers of rows whose test of the mean, or of the pattern of biases, fails at 5 %.
+    /// Results of the tests of a run, or sums over several runs. `any`: 1 if a test fails at the corrected level. `uncorrected`: 1 if a test fails at
+    /// the level 0.1 %. `means`: number of rows whose test of the mean fails at 5 %. `probabilities`: number of rows whose test of the pattern of
+    /// biases fails at 5 %.
     #[derive(Clone, Copy, Default)]
     struct Found {
         any: u32,

@@ -35,9 +35,9 @@ fn kernels_hold_at_their_extremes_as_recorded() {
         .collect();
     let mut compared = 0;
     for finding in &findings {
-        // The errors of two GPUs differ in the last digits. A finding (measured error) of a GPU is therefore compared only if the table was recorded
-        // on this GPU; otherwise, it may be missing from the table. Findings of the f32 reference must all be in the table, because they are the same
-        // on every machine, except for the last digits of library functions.
+        // A finding is a measured error. Findings of the f32 reference must all be in the recorded table, because they are the same on every machine,
+        // except for the last digits of library functions. Findings of two GPUs differ in the last digits. So a finding of a GPU may be missing if
+        // the table was recorded on another GPU.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(
                 finding.on == "gpu" && !recorded_on(&recorded, &finding.adapter),

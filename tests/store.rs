@@ -19,7 +19,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use crate::fixtures::{Folder, failure};
 use crate::measurer::{Fake, machine};
 
-/// A run of 8 parts: for each of two views a reference, two sweeps and a timing.
+/// A run of 8 parts: for each of two views a reference (converged pictures), two sweeps (metrics) and a timing.
 const TEXT: &str = r#"name = "trial"
 question = "Are damaged files noticed?"
 views = ["cliff", "ground"]
@@ -479,8 +479,8 @@ fn shards_are_not_mixed_up() {
         mixed.insert(format!("shard-2-of-2/{name}"), files[&format!("shard-1-of-2/{name}")].clone());
         refused(name, &mixed, "shard-2-of-2");
     }
-    // The folder contains shard 1 twice. First case: shard 1, a copy of it, and shard 2. Second case: shard 1, and a copy of it under the name of
-    // shard 2.
+    // The folder contains shard 1 twice. In the first case, it has shard 1, shard 2, and a copy of shard 1. In the second case, it has shard 1, and a
+    // copy of shard 1 under the name of shard 2.
     let shard = |from: &str, to: &str| {
         let own = files.iter().filter_map(|(name, bytes)| Some((format!("{to}{}", name.strip_prefix(from)?), bytes.clone())));
         own.collect::<Files>()

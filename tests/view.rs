@@ -1,6 +1,6 @@
-//! Tests of the functions of `view/frame.wgsl` and `view/full_screen.wgsl`: how the two normals of a pixel are written and read, rays, and the triangle
-//! of a full-screen pass; also where the samples of pixels lie (`terrain/footprint.wgsl`). Passes use these functions with a uniform buffer; here, the
-//! uniforms are a private variable that each row sets.
+//! Tests of the functions of `view/frame.wgsl` and `view/full_screen.wgsl`: how the two normals of a pixel are written and read, rays, and the
+//! triangle of a full-screen pass. Also tests where the samples of pixels lie (`terrain/footprint.wgsl`). In passes, the uniforms of these functions
+//! are in a uniform buffer. Here, they are a private variable that each row of inputs sets.
 
 use glam::{DVec2, DVec3};
 use kernels::base::wgsl::{self, Wgsl};
@@ -76,8 +76,8 @@ fn probe(row: array<f32, {INPUTS}>) -> array<f32, {RESULTS}> {{
     let inputs: Vec<u32> = rows.iter().flatten().map(|x| x.to_bits()).collect();
     let table = Table::new(gpu(), &body, [INPUTS, RESULTS], Cells::Reals).expect("the WGSL compiles");
     let results: Vec<f32> = table.run(&inputs).expect("the device works").into_iter().map(f32::from_bits).collect();
-    // Components of unit vectors and of rays have a rounding error of a few 2^-24 after a division, a square root and some sums: at most 1e-6. At the
-    // largest pixel, the ray has components up to 22, and three products and two sums have an error below 4 * 2^-24 * 22 = 6e-6.
+    // Bounds of rounding errors. Components of unit vectors have an error of a few 2^-24, after a division, a square root and some sums: at most
+    // 1e-6. Components of a ray are up to 22 at the largest pixel. Three products and two sums give them an error below 4 * 2^-24 * 22 = 6e-6.
     let (limit, ray_limit) = (1e-6, 6e-6);
     let mut other_codes = 0;
     for (row, result) in rows.iter().zip(results.chunks_exact(RESULTS)) {
@@ -111,8 +111,8 @@ fn probe(row: array<f32, {INPUTS}>) -> array<f32, {RESULTS}> {{
         let expected = view::ray(rays, [f64::from(row[10]), f64::from(row[11])]);
         assert!(off(&result[10..13], expected) < ray_limit, "{row:?}: ray {:?}, not {expected:?}", &result[10..13]);
     }
-    // A code differs if two codes are equally near within the rounding of f32: steps of a code are above 0.001, so this is the case for fewer than 1 in
-    // 1000 directions per decision.
+    // A code may differ from that of the reference if two codes are equally near within the rounding of f32. Neighbouring codes are more than 0.001
+    // apart, so this happens for fewer than 1 in 1000 directions per decision.
     assert!(other_codes * 200 < rows.len(), "{other_codes} of {} texels differ from those of the reference", rows.len());
 }
 
@@ -169,8 +169,8 @@ const SECTOR_M: f64 = 64.0;
 const NEAR_M: f64 = 0.1;
 const EYE: DVec3 = DVec3::new(32.0, 32.0, 40.0);
 
-/// A table that computes footprints for a camera with these rays. A row: the code of the sample pattern, a pixel, its depth, and the normal of the plane.
-/// A result: the sector, the position in it, and the two derivatives.
+/// A table that computes footprints for a camera with these rays. A row: the code of the sample pattern, a pixel, its depth, and the normal of the
+/// plane. A result: the sector, the position in it, and the two derivatives.
 fn footprints(rays: [[f32; 3]; 3]) -> Table<'static> {
     let vector = |values: [f32; 3]| format!("vec3<f32>({:?}, {:?}, {:?})", values[0], values[1], values[2]);
     let body = format!(
@@ -243,8 +243,9 @@ fn footprints_lie_on_the_plane_that_the_centre_of_the_pixel_sees() {
         let t = hit(ray).clamp(0.5 * distance, 2.0 * distance);
         limited += usize::from(t != hit(ray));
         moved += usize::from(sectors != DVec2::ZERO);
-        // The plane is known within 3e-7 and the ray within 1e-6 of their lengths. Both errors change t by 2e-6 t |ray| / |cos|, where cos is the cosine
-        // of ray and normal; this is also the error of a derivative, which grows with 1 / cos a second time.
+        // Bound of the error of a position. The plane has a relative error of 3e-7, and the ray one of 1e-6. Together they change the distance by
+        // 2e-6 t |ray| / |cos|, where t is the distance as a multiple of the ray, and cos is the cosine between ray and normal. A derivative has this
+        // error divided by cos once more.
         let cosine = |ray: DVec3| normal.dot(ray).abs() / ray.length();
         let flat = cosine(ray).min(cosine(centre));
         let error = position.distance(EYE + ray * t);

@@ -140,8 +140,8 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
 
 #[test]
 fn a_window_finds_nothing_of_the_one_before() {
-    // Draws and measures three frames. The frame numbers of the second window follow those of the first, and the same thread probably draws both
-    // windows. So readings left over from the first window would be noticed.
+    // Draws and measures three frames. The frame numbers of the second window follow those of the first, and the same thread probably draws both. So
+    // measurements left over from the first window would be noticed.
     let seen = |frame: u32| {
         let mut stage = cheap_stage();
         stage.model().clock.frame = frame;

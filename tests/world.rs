@@ -318,8 +318,9 @@ fn vertices_beyond_a_heightmap_repeat_its_edge_and_the_surface_ends_there() {
             if drawn == at {
                 continue;
             }
-            // Several vertices may be drawn at the same place. They must have the same height, because vertices with different heights would draw a
-            // vertical wall. So their heights are not filtered, unlike other heights of coarse nodes.
+            // Vertices beyond the edge of the data are moved to the edge, so several vertices may be drawn at the same place. They must have the same
+            // height; otherwise, the terrain would have a vertical wall there. So their heights are not filtered, unlike other heights of coarse
+            // nodes.
             assert_eq!(height, world.quantise(world.height_m(drawn[0], drawn[1])), "LOD {lod}, {at:?}");
             beyond += 1;
         }
@@ -567,9 +568,9 @@ fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Returns the number of teeth per 10 000 vertices. Teeth are counted along the rows and columns of 144 grids of 65 x 65 vertices, which are
-/// distributed over the world; the spacing of the vertices is that of `lod`. Each vertex counts twice, in its row and in its column, but the ends of
-/// rows and columns do not count. The heights are samples of `height_m`; the heights that a coarse LOD draws are smoother.
+/// Returns the number of teeth per 10 000 vertices. The teeth are counted along the rows and columns of 144 grids of 65 x 65 vertices, which are
+/// distributed over the world and have the vertex spacing of `lod`. Each vertex counts twice, in its row and in its column, but the ends of rows and
+/// columns do not count. The heights are samples of `height_m`, which are rougher than the heights that a coarse LOD draws.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;
     const SIDE: usize = 65;

@@ -50,12 +50,13 @@ fn short(value: f64) -> String {
 
 /// Returns a verdict for each expectation, in order.
 ///
-/// `where` and `over` are keys of an expectation; they give values of columns. The value is the mean over the rows of the metric that match
-/// `where`. If `over` is given, this mean is divided by a second mean. The rows of the second mean match the columns in `over`, and those
-/// columns of `where` that `over` does not contain. If no `frame` is given and the metric has rows over all frames, only these rows are
-/// used. If no `signal` is given, rows of the lit picture are left out. An expectation is not met if a selection has no rows, a mean is not
-/// finite, or the divisor is 0. An expectation about times or ratios of times is also not met if the 95 % interval of a row is wider than
-/// ± 5 %, because the next run may then give a different answer.
+/// `where` and `over` are keys of an expectation. Each of them gives values of columns and selects the rows with these values. The value is the mean
+/// over the rows of the metric that match `where`. If `over` is given, this mean is divided by a second mean. The rows of the second mean match the
+/// columns in `over`, and those columns of `where` that `over` does not contain. If no `frame` is given and the metric has rows over all frames, only
+/// these rows are used. If no `signal` is given, rows of the lit picture are left out.
+///
+/// An expectation is not met if a selection has no rows, a mean is not finite, or the divisor is 0. An expectation about times or ratios of times is
+/// also not met if the 95 % interval of a row is wider than ± 5 %, because the next run may then give a different answer.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }

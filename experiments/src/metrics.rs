@@ -16,8 +16,8 @@ pub enum Needs {
     Clock,
 }
 
-/// An additional column that identifies a row. It distinguishes rows of a metric that are equal in view, variant, estimator, noise, temporal resolve,
-/// signal, setting and frame.
+/// An additional column that identifies a row. It is needed to distinguish rows of a metric that are equal in view, variant, estimator, noise,
+/// temporal resolve, signal, setting and frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// No additional column.
@@ -28,7 +28,7 @@ pub enum Axis {
     Frequency,
 }
 
-/// The signals for which a metric has rows. The column `signal` distinguishes them.
+/// The signals (albedo or the lit picture) for which a metric has rows. The column `signal` distinguishes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signals {
     /// The metric does not depend on a signal; the column is empty.
@@ -43,9 +43,9 @@ pub enum Signals {
 pub const SMALLEST_SIDE: u32 = 64;
 /// Largest lag. A lag is the number of frames from the earlier to the later of the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
-/// Limit of the number of groups of consecutive frames into which the measured frames of a sequence are divided. For [`RESIDUAL`], [`RESIDUAL_RMS`],
-/// [`ADDED`] and [`LOST`], the standard errors of values over all frames are computed from the scatter of these groups. Neighbouring frames are
-/// correlated, so a standard error that is computed from single frames would be too small.
+/// Limit of the number of groups of consecutive frames into which the measured frames of a sequence are divided. The scatter of these groups gives
+/// the standard errors of [`RESIDUAL`], [`RESIDUAL_RMS`], [`ADDED`] and [`LOST`] over all frames. Neighbouring frames are correlated, so a standard
+/// error that is computed from single frames would be too small.
 pub const GROUPS: u32 = 20;
 
 /// Limit of the number of frames whose perceived noise is measured. The limit is low, because filtering a frame in space takes long.
@@ -75,9 +75,9 @@ impl Sequence {
         self.frames.saturating_sub(self.warm_up.max(lag))
     }
 
-    /// Whether the perceived noise of a frame is measured. In a sequence of at least two frames, this is so for the last frame, and for up to three
-    /// frames before it at equal distances. These frames are measured frames in the second half of the sequence. In the first half, the memory of the
-    /// eye, which is an exponential mean of the error over time, may not be filled yet.
+    /// Whether the perceived noise of a frame is measured. It is measured for the last frame, and for up to three frames before it at equal
+    /// distances. All of them are measured frames in the second half of the sequence. In the first half, the memory of the eye, which is an
+    /// exponential mean of the error over time, may not be filled yet. A sequence of fewer than two frames has no such frame.
     pub fn is_seen(self, frame: u32) -> bool {
         let (last, step) = (self.frames.saturating_sub(1), self.seen_step());
         frame >= self.seen_from() && frame <= last && (last - frame).is_multiple_of(step) && (last - frame) / step < self.seen_frames()
@@ -93,13 +93,13 @@ impl Sequence {
         self.seen_frames().checked_sub(1).map(|before| self.frames - 1 - before * self.seen_step())
     }
 
-    /// Whether the memory of the eye is filled in the first frame whose perceived noise is measured. In shorter sequences, the perceived noise of
-    /// noise that changes in every frame is too high. `adaptation`: the weight of a new frame in the exponential mean, above 0.
+    /// Whether the memory of the eye is filled in the first frame whose perceived noise is measured. In shorter sequences, the measured value is too
+    /// high for noise that changes in every frame. `adaptation`: the weight of a new frame in the exponential mean, above 0.
     pub fn is_memory_filled(self, adaptation: f64) -> bool {
         self.first_seen().is_some_and(|first| f64::from(first) + 1.0 >= FILLED / adaptation)
     }
 
-    /// Returns the number of frames that a sequence needs so that this sequence and every longer one fill the memory of the eye
+    /// Returns the smallest number of frames such that a sequence of this length, and every longer one, fills the memory of the eye
     /// ([`Sequence::is_memory_filled`]). The number of frames to warm up stays the same.
     pub fn frames_to_fill(self, adaptation: f64) -> u32 {
         // Perceived noise is first measured in the second half. So twice the frames that fill the memory are always enough.

@@ -8,8 +8,8 @@
 //! Two times of the same round give a ratio. The estimate of a ratio is the median over the rounds. It changes little if another process slows down
 //! single pictures, even if this happens more often to one candidate than to another. The 95 % interval of the median lies between two order
 //! statistics of the ratios. It requires that the rounds are independent, and makes no assumption about the distribution of the ratios. (The
-//! Hodges-Lehmann estimate needs about half as many rounds if the distribution of the ratios is symmetric. But a picture that takes longer to draw is
-//! disturbed more often. The distribution is then not symmetric, and the Hodges-Lehmann interval contains the true ratio too seldom.)
+//! Hodges-Lehmann estimate needs about half as many rounds, but only if this distribution is symmetric. It is not, because a picture that takes
+//! longer to draw is disturbed more often. The Hodges-Lehmann interval then contains the true ratio too seldom.)
 //!
 //! Rounds are added until the intervals are narrow enough or a budget of time is spent. The number of rounds therefore depends on the clock. This is
 //! acceptable, because times do not repeat exactly anyway. The clock is an argument of [`measure`], so that tests can control it.
@@ -43,8 +43,8 @@ const STEPS: u64 = 1000;
 pub(crate) struct Estimate {
     /// The median over the rounds. If their number is even, it is the geometric mean of the two middle values.
     pub(crate) value: f64,
-    /// Half-width of the 95 % interval, relative to the value; infinite = there are fewer than [`LEAST`] rounds. The interval is not symmetric. With
-    /// the limits `low` and `high`, the half-width is the larger of `high / value` and `value / low`, minus 1.
+    /// Half-width of the 95 % interval, relative to the value; infinite = there are fewer than [`LEAST`] rounds. The interval from `low` to `high` is
+    /// not symmetric. The half-width is the larger of `high / value` and `value / low`, minus 1.
     pub(crate) half_width: f64,
 }
 
@@ -79,9 +79,9 @@ pub(crate) fn is_stable(value: f64, standard_error: Option<f64>) -> bool {
     standard_error.is_some_and(|error| NORMAL_95 * error <= STABLE * value * (1.0 + 1e-9))
 }
 
-/// Returns the rank r for which the r-th smallest and the r-th largest of `count` values enclose the true median with a probability of at least 95 %:
-/// the largest r with P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if there is none. `count` is at most
-/// [`MOST`].
+/// Returns the largest rank r for which the r-th smallest and the r-th largest of `count` values enclose the true median with a probability of at
+/// least 95 %. The condition is P(B < r) <= 2.5 %, where B is the number of heads in `count` throws of a coin. `None` if no rank meets it. `count` is
+/// at most [`MOST`].
 fn rank(count: usize) -> Option<usize> {
     // The probability of no head in 1000 throws is 9e-302. This is a normal f64 number, so the recurrence below starts with full precision.
     let mut probability = (0..count).fold(1.0f64, |p, _| 0.5 * p);
@@ -188,10 +188,11 @@ pub(crate) struct Timed {
     pub(crate) ms: f64,
 }
 
-/// Draws a first round, whose times are discarded, and then at least `plan.least` and at most [`MOST`] timed rounds. Between these limits, it stops
-/// when the relative half-width of each number in `plan.wanted` is at most [`STABLE`], or when the budget is spent. `clock` returns seconds since any
-/// fixed time. `step(done, total)` is called before each picture. `draw` draws a picture and returns the times of its passes. If the first round
-/// gives no times, the device cannot measure any, and there is no second round.
+/// Draws rounds of pictures and returns the times of their passes. The times of a first round are discarded. At least `plan.least` and at most
+/// [`MOST`] timed rounds follow. Between these limits, the function stops when the relative half-width of each number in `plan.wanted` is at most
+/// [`STABLE`], or when the budget is spent. `clock` returns seconds since any fixed time. `step(done, total)` is called before each picture. `draw`
+/// draws a picture and returns the times of its passes. If the first round gives no times, the device cannot measure any, and there is no second
+/// round.
 ///
 /// # Errors
 /// `draw` fails.
@@ -207,7 +208,7 @@ pub(crate) fn measure(
     for round in 0..=MOST {
         let mut is_timed = false;
         for (place, candidate) in order(plan.seed, round, plan.candidates).into_iter().enumerate() {
-            // The number of rounds is a forecast, which can grow. The progress must not go back.
+            // The share could fall if the forecast `expected` grows. It is never lowered, so that progress does not go back.
             let done = f64::from(round) + place as f64 / plan.candidates as f64;
             share = share.max((done / (1.0 + expected)).min(1.0));
             step((share * STEPS as f64) as u64, STEPS);
@@ -229,8 +230,8 @@ pub(crate) fn measure(
         if round >= plan.least && (widest <= STABLE || spent >= plan.budget_s) {
             break;
         }
-        // The width of an interval is roughly inversely proportional to the square root of the number of rounds. The number of rounds that an
-        // interval of the wanted width needs is therefore about proportional to the square of the present width.
+        // The width of an interval is roughly inversely proportional to the square root of the number of rounds. If the widest interval is q times
+        // too wide, about q² times as many rounds are needed.
         let needed = if widest.is_finite() { f64::from(round) * (widest / STABLE).powi(2) } else { least };
         let affordable = if spent > 0.0 { f64::from(round) * plan.budget_s / spent } else { f64::INFINITY };
         expected = needed.min(affordable).clamp(least, f64::from(MOST));

@@ -15,8 +15,9 @@ pub struct Row {
     pub scene: String,
     /// Name of the view: a camera, a path, or a camera with a motion.
     pub view: String,
-    /// `auto` or `generic` for the automatic choice, where `generic` means the generic kernel. Otherwise the variant that is forced on every tile,
-    /// such as `vt+near-cliff`, or `generic-vt` with the generic kernel. `reference` in rows about the reference.
+    /// The variant. `auto` = the variant of each tile is chosen automatically. `generic` = the same, but the generic kernel shades all tiles. Any
+    /// other name is a variant that is forced on every tile, such as `vt+near-cliff`, or `generic-vt` with the generic kernel. `reference` in rows
+    /// about the reference.
     pub variant: String,
     /// Estimator of the stochastic flavours, such as `fc5`.
     pub estimator: String,

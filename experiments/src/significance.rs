@@ -22,7 +22,8 @@ const GRIDS: usize = 3;
 /// A grid of larger areas is used only if the sums of at least this many of its areas vary over seeds. With fewer areas, its standard error is too
 /// uncertain.
 const LEAST_AREAS: usize = 30;
-/// Number of sums per area whose signs are drawn at random. If there are more seeds than this, several seeds share a sum.
+/// Number of sums into which the seeds of an area are grouped. The sign of each sum is drawn at random. If there are more seeds than this, several
+/// seeds share a sum.
 const GROUPS: usize = 8;
 /// Largest number of draws of random signs.
 const DRAWS: u32 = 1 << 18;
@@ -200,14 +201,14 @@ impl Areas {
         Some(Mean { value: sum / weight, standard_error: Some(squares.sqrt() / weight), freedom: None })
     }
 
-    /// Returns the probability of a mean square that is at least as large as the measured one, if the expected mean of every area is 0. `None` for
-    /// fewer than two seeds, or if a number is not finite.
+    /// Returns the p-value of the measured mean square: the probability of a mean square that is at least as large, if the expected mean of every
+    /// area is 0. `None` for fewer than two seeds, or if a number is not finite.
     ///
-    /// The signs of the areas' sums are drawn at random, for each area and each seed (for more than 8 seeds: for each of 8 sums of seeds). This null
-    /// distribution is exact if the sums are independent and symmetric about 0. If they are not symmetric, its mean and variance are still right,
-    /// because a mean square is a sum of products of different seeds. The draws have a fixed seed. They end when enough of them are as large as the
-    /// measured number (Besag and Clifford 1991), so a large probability costs few draws. Probabilities below [`SMALLEST_PROBABILITY`] cannot be
-    /// distinguished from it.
+    /// The null distribution is simulated with random signs. For each area and each seed, the sign of the area's sum is drawn at random (for more
+    /// than 8 seeds, for each of 8 sums of seeds). The distribution is exact if the sums are independent and symmetric about 0. If they are not
+    /// symmetric, its mean and variance are still right, because a mean square is a sum of products of different seeds. The draws have a fixed seed.
+    /// They end when enough of them are as large as the measured number (Besag and Clifford 1991), so a large probability costs few draws.
+    /// Probabilities below [`SMALLEST_PROBABILITY`] cannot be distinguished from it.
     pub fn probability(&self) -> Option<f64> {
         let groups = GROUPS.min(self.seeds as usize);
         if groups < 2 {

@@ -150,7 +150,7 @@ fn levels_and_texels_are_chosen_by_the_fraction() {
 #[test]
 fn a_term_without_weight_leaves_a_run_as_it_is() {
     let run = Run::start().add(0.25, 0.5, 8.0).add(0.5, 0.9, 8.0);
-    // The second term is larger than the first. So `keep`, the factor on the first term, is the first term divided by the second.
+    // The second term of the blend is larger than the first. So `keep`, the factor on the first term, is the first term divided by the second.
     assert!((run.keep - 0.5 * (8.0 * (0.5 - 0.9_f64)).exp2()).abs() < 1e-15 && run.share == 1.0, "{run:?}");
     let after = run.add(0.0, 1.0, 8.0);
     assert_eq!([after.keep, after.share], [1.0, 0.0]);
@@ -164,8 +164,7 @@ fn a_term_without_weight_leaves_a_run_as_it_is() {
 fn cell(point: &HashedPoint<f64>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis| {
         let corner = point.sector.get(axis).map_or(0.0, |&sector| f64::from(sector) * point.sector_m);
-        // Along the elevation, the lower border of a cell is a third of the cell's height above a multiple of this height. The number of the cell is
-        // that of the next multiple above.
+        // Along the elevation, a cell begins a third of its height above a multiple of its height. Its number is that of the next multiple above.
         let border = if axis == 2 { noise::BORDER - 1.0 } else { 0.0 };
         ((corner + point.position[axis]) * f64::from(k[axis]).exp2() - border).floor() as i64 as u32
     })
@@ -191,17 +190,18 @@ fn hashed_points() -> impl Iterator<Item = HashedPoint<f64>> {
     })
 }
 
-/// Returns the finest scale, -4 to 16, along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per
-/// metre. Within the limits, a cell of the finest scale is 16 or 32 times as wide as the difference between `largest` and the next larger f32.
+/// Returns the finest scale along an axis whose coordinates are at most `largest` in magnitude, metres. A scale is the log2 of cells per metre; the
+/// finest one is clamped to -4..=16. Before clamping, a cell of the finest scale is 16 or 32 times as wide as the step from `largest` to the next
+/// larger f32.
 fn finest(largest: f64) -> i32 {
     (FINEST_AT_1_M - largest.abs().log2().round() as i32).clamp(-4, 16)
 }
 
-/// The finest scale if `largest` is 1 m, before it is limited: the next larger f32 is 2^-23 m away, and a cell is 16 times as wide, 2^-19 m.
+/// The finest scale for `largest` = 1 m, without the clamp. The next larger f32 is 2^-23 m away, and a cell is 16 times as wide, which is 2^-19 m.
 const FINEST_AT_1_M: i32 = 19;
 
-/// The level of a cell `width` metres wide is log2 of cells per metre. Returns the whole number below it, which is the coarser of the two blended
-/// scales, and the weight of the finer scale.
+/// Returns the coarser of the two blended scales, and the weight of the finer one, for cells that are `width` metres wide. The level of such a cell
+/// is -log2(`width`), the log2 of cells per metre. The coarser scale is the whole number below the level.
 fn scales(width: f64, finest: i32) -> (i32, f64) {
     let level = (-width.clamp(1e-6, 1e6).log2()).clamp(-5.0, f64::from(finest));
     // The upper scale is never finer than the finest one.
@@ -362,8 +362,8 @@ fn reflection_terms_are_the_formulas() {
         let (c, alpha) = (random.unit(), random.between(brdf::MIN_ALPHA, 1.0));
         let bracket = c * c * (alpha * alpha - 1.0) + 1.0;
         let textbook = alpha * alpha / (std::f64::consts::PI * bracket * bracket);
-        // Near c = 1, two numbers in the bracket of the textbook form nearly cancel, which enlarges its relative rounding error by up to 1 / alpha².
-        // The formula squares the bracket, which doubles this error.
+        // Near c = 1, two numbers in the bracket of the textbook form nearly cancel. This enlarges the relative rounding error of the bracket by up
+        // to 1 / alpha². The formula squares the bracket, which doubles this error.
         assert!((brdf::d_ggx(c, alpha) / textbook - 1.0).abs() < 32.0 * f64::EPSILON / (alpha * alpha), "{c} {alpha}");
         let (f0, u) = (random.unit(), random.unit());
         let [schlick, ..] = brdf::f_schlick([f0; 3], u);

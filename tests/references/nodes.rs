@@ -39,8 +39,8 @@ fn sees(view: &View, low: DVec3, high: DVec3) -> bool {
 
 // ---------------------------------------------------------------- selection
 
-/// Selects the nodes that [`quadtree::select`] should select, recursively. Adds the node and all visited nodes below it to `found[0]`, and the drawn
-/// nodes to `found[1]`. `ratio`: a node is split if its distance is less than `ratio` times its edge.
+/// Selects the nodes that [`quadtree::select`] should select, by recursion. A node is split if its distance is less than `ratio` times its edge. Adds
+/// `node` and all visited nodes below it to `found[0]`, and the drawn nodes to `found[1]`.
 fn descend(world: &World, view: &View, ratio: f64, node: NodeId, found: &mut [BTreeSet<NodeId>; 2]) {
     let layout = world.layout();
     let edge = layout.node_m(node.lod);
@@ -70,8 +70,8 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
         (2000, 0.0, [4900.0, 4900.0, 600.0], 3.9, -0.2),
     ] {
         let view = view_of(position, yaw, pitch, fov, [height_px * 3 / 2, height_px]);
-        // A node has 128 quads per side. At a distance of `of_picture` times the edge of a node, a quad is 2.5 pixels high. The ratio is clamped to
-        // 0.6..=2, and an LOD bias of 1 then halves it.
+        // A node has 128 quads per side, and is split until a quad is at most 2.5 pixels high. `of_picture` is the distance at which a quad is 2.5
+        // pixels high, divided by the edge of the node. The ratio is clamped to 0.6..=2; then an LOD bias of 1 halves it.
         let of_picture = f64::from(height_px) / (2.0 * (fov / 2.0).tan()) / (128.0 * 2.5);
         let ratio = (of_picture.clamp(0.6, 2.0) / lod_bias.exp2()).min(2.0);
         let mut calls = Vec::new();
@@ -104,8 +104,8 @@ fn nodes_are_split_while_their_quads_look_larger_than_the_limit() {
     assert_eq!(error, Err("the disk is full"));
 }
 
-/// The numbers of nodes that are visited at the largest split ratio, for camera positions in one node of LOD 5 in the middle of the world, without
-/// differences in height.
+/// The number of visited nodes at the largest split ratio, for each of 4000 random camera positions. The positions lie in the middle of the world, in
+/// a square as large as a node of LOD 5. All heights are 0.
 fn numbers_of_nodes() -> Vec<usize> {
     let world = built_in_world();
     let mut random = Random(7);
@@ -120,8 +120,8 @@ fn numbers_of_nodes() -> Vec<usize> {
 
 #[test]
 fn every_camera_finds_room_in_the_atlases() {
-    // The rings of nodes in the talk (FC5) have a split ratio of 2, which is also the largest ratio here. The expected mean and maximum of the
-    // numbers of nodes were computed for these rings, independently of the tested code.
+    // The expected mean and maximum were computed independently of the tested code, for the rings of nodes in the talk (FC5). These rings have a
+    // split ratio of 2, which is also the largest ratio here.
     let numbers = numbers_of_nodes();
     let mean = numbers.iter().sum::<usize>() as f64 / numbers.len() as f64;
     let most = numbers.into_iter().max().expect("some cameras");
@@ -238,8 +238,8 @@ fn patches_that_face_away_are_dropped_unless_other_triangles_are_drawn() {
     assert_eq!(count(&[node], &patches, 1, false), (0, facing_away));
     // With a vertex stride of 2, the drawn triangles are not those from which the cones were computed, so no patch is dropped.
     assert_eq!(count(&[node], &patches, 2, true), (0, facing_away));
-    // Four rows of patches face away. The northernmost row is stitched to a coarser neighbour, so its drawn triangles are not those of its cones
-    // either, and it is not dropped.
+    // Four rows of patches face away. The northernmost of these rows is stitched to a coarser neighbour, so its drawn triangles are not those from
+    // which its cones were computed. So it must not be dropped.
     let neighbour = NodeId { lod: 3, x: 5, y: 5 };
     assert_eq!(neighbour.origin_m(&layout).y, corner.y + layout.node_m(1), "the neighbour begins where the node ends");
     let (stitched, left) = count(&[node, neighbour], &patches, 1, true);
@@ -405,8 +405,8 @@ fn least_error(colours: [[f64; 3]; 4], texels: &[[f64; 3]; 16]) -> f64 {
     texels.iter().map(|&texel| colours.iter().map(|&colour| distance(colour, texel)).fold(f64::MAX, f64::min)).sum()
 }
 
-/// Solves for the end points that give the least squared error with the indices of `block`, and rounds them to 5:6:5. Returns the error of the block
-/// with these end points; `None` if the indices do not determine both end points, or if the rounded end points are equal.
+/// Solves for the end points that give the least squared error with the indices of `block`, and rounds them to 5:6:5. Returns the error of a block
+/// with these end points. Returns `None` if the indices do not determine both end points, or if the rounded end points are equal.
 fn solved_error(block: &[u8], texels: &[[f64; 3]; 16]) -> Option<f64> {
     let shares = indices(block).map(|index| [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0][index]);
     let of = |f: &dyn Fn(f64, usize) -> f64| shares.iter().enumerate().map(|(i, &share)| f(share, i)).sum::<f64>();
@@ -458,8 +458,8 @@ fn refined_blocks_are_nearer_to_their_texels() {
         if fast != refined {
             improved += 1;
             assert!(new <= least_error(after, &colours) * (1.0 + 1e-4), "each texel has its nearest colour");
-            // The encoder solves for the end points up to twice, and accepts new end points only if they reduce the error. So the error after the
-            // first solution is an upper bound.
+            // The encoder solves for the end points at most twice, and accepts a solution only if it reduces the error. So the error after the first
+            // solution is an upper bound.
             if let Some(bound) = solved_error(&fast, &colours) {
                 solved += usize::from(new <= bound * (1.0 + 1e-4));
             }
@@ -467,7 +467,7 @@ fn refined_blocks_are_nearer_to_their_texels() {
             solved += usize::from(solved_error(&fast, &colours).is_none_or(|bound| bound >= old * (1.0 - 1e-4)));
         }
     }
-    // If a solution is nearly halfway between two codes, f32 and f64 may round it differently. So a fiftieth of the blocks may be exceptions.
+    // A solution that is nearly halfway between two codes may be rounded differently in f32 and f64. So a fiftieth of the blocks may be exceptions.
     assert!(
         four > 100 && improved * 4 > four && solved + four / 50 >= four,
         "{four} blocks, {improved} improved, {solved} as good as solved"
@@ -521,8 +521,8 @@ fn alpha_blocks_exceed_by_as_little_as_one_of_the_two_modes_can() {
         let chosen = |i: usize| values[(bits >> (3 * i) & 7) as usize];
         assert!((0..16).all(|i| chosen(i) >= needed[i]), "{needed:?}: {block:?}");
         let found: u32 = (0..16).map(|i| u32::from(chosen(i) - needed[i])).sum();
-        // A block has eight values from the lowest to the highest needed value; or it has six values from the lowest needed value to the highest
-        // needed value below 255, and in addition 0 and 255.
+        // An alpha block has one of two modes. In the first, it has eight values from the lowest to the highest needed value. In the second, it has
+        // six values from the lowest needed value to the highest one below 255, and in addition 0 and 255. The encoder must use the better mode.
         let (low, high) = (needed.into_iter().min().expect("16"), needed.into_iter().max().expect("16"));
         let below = needed.into_iter().filter(|&v| v < 255).max().unwrap_or(254);
         let best = [alpha_values(high, low), alpha_values(low.min(below), below)].into_iter().filter_map(excess).min();

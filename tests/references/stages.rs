@@ -248,9 +248,9 @@ fn changes_are_compared_with_those_of_the_reference_sequence() {
     for (found, expected) in sums.into_iter().zip(expected) {
         assert!((found - expected).abs() < 1e-14, "{residual:?}");
     }
-    // A pixel remembers the mean of its errors and the number of frames. The new error is 1/8 for pixel 0. This is its second frame, so the error has
-    // the weight 1/2; the weight is never below the argument `adaptation`, 1/4. The error is -1/4 for pixel 1, with the weight 1/4. Pixel 2 has no
-    // reference. Pixel 3 has no link, so its mean begins again.
+    // A pixel remembers the mean of its errors and the number of frames. A new error has the weight 1 / (number of frames), but at least the argument
+    // `adaptation`, 1/4. Pixel 0: new error 1/8, second frame, weight 1/2. Pixel 1: new error -1/4, tenth frame, weight 1/4. Pixel 2 has no
+    // reference. Pixel 3 has no link to an earlier frame, so its mean begins again.
     let memory = [[0.5, 1.0], [0.25, 9.0], [0.125, 3.0], [0.0, 0.0]];
     let remembered = metrics::reference::remember(&now, &truth, Some(&memory), &links, 0.25);
     let expected = [[0.3125, 2.0], [0.125, 10.0], [0.0, 0.0], [0.5, 1.0]];
@@ -273,8 +273,8 @@ fn filled(sums: &FrameSums) -> Vec<(usize, u32)> {
 
 #[test]
 fn a_history_is_rejected_beyond_a_rounding_of_the_box() {
-    // In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second number below 1. If all values of the box are 1, both are
-    // exactly at the limit of the tolerance.
+    // All current values of the box are 1, and the history is near 1. In f16, 1 + 2^-10 is the next number above 1, and 1 - 2^-10 is the second
+    // number below 1. Both are exactly at the limit of the tolerance and must be accepted.
     let step = 2.0_f32.powi(-10);
     let links: Vec<u32> = (0..16).collect();
     for (history, rejected) in [(1.0, 0), (1.0 + step, 0), (1.0 - step, 0), (1.0 + 2.0 * step, 4), (1.0 - 1.5 * step, 4), (100.0, 4)] {
@@ -294,8 +294,8 @@ fn a_history_is_rejected_beyond_a_rounding_of_the_box() {
 
 #[test]
 fn the_errors_of_three_blocks_are_those_counted_by_hand() {
-    // Three blocks of 5 x 5 pixels in a row, and two rows of pixels below them. All errors of the first block are 1/4; 12 errors of the second are
-    // 1/4 and 13 are -1/4; a pixel of the third is sky, and the other errors are 0.
+    // The picture has three blocks of 5 x 5 pixels in a row, and two rows of pixels below them. In the first block, all errors are 1/4. In the second
+    // block, 12 errors are 1/4 and 13 are -1/4. In the third block, one pixel is sky, and the other errors are 0.
     let exact = vec![grey(0.5, 0, 0); 15 * 7];
     let value = |i: usize| {
         let (x, y) = (i % 15, i / 15);
@@ -383,8 +383,8 @@ fn an_exponential_history_is_sampled_clamped_and_mixed() {
     };
     let even: Vec<[f64; 4]> = (0..9).map(|i| [f64::from(i) / 16.0; 3]).map(|[r, g, b]| [r, g, b, 1.0]).collect();
     let mixed = |past: f64| values.map(|now| past + share * (now - past));
-    // The history is sampled at the centre of pixel 5. It is then sampled between the pixels 1, 2, 4 and 5, a quarter of a pixel to the right of
-    // pixel 1 and half a pixel below it.
+    // History of pixel 5 at its own centre. Then the history is sampled a quarter of a pixel to the right of pixel 1 and half a pixel below it,
+    // between the pixels 1, 2, 4 and 5.
     assert_close(&of_position([2.0, 1.0], &even, 1, 0), &mixed(5.0 / 16.0));
     assert_close(&of_position([1.25, 0.5], &even, 1, 0), &mixed((0.75 * 1.0 + 0.25 * 2.0 + 0.75 * 4.0 + 0.25 * 5.0) / 32.0));
     // A pixel without a history (alpha 0) has no weight in the sample. There is no history outside the picture.
@@ -505,8 +505,8 @@ fn points_behind_other_surfaces_are_not_linked() {
         assert_eq!((found.pixel.is_some(), found.is_uncertain), (is_linked, is_uncertain), "{factor}: {found:?}");
         assert_eq!(found.position.is_some(), is_linked);
     }
-    // The earlier camera sees the plane of the point edge-on, so the expected distance is not known. So it is uncertain whether the point was
-    // visible, unless the earlier frame shows sky there.
+    // The earlier camera sees the plane of the point edge-on, so the expected distance of the point is not known. The link is then uncertain, unless
+    // the earlier frame shows sky there.
     let mut edge_on = above_ground([3.0, -2.0, 10.0], 0.2, [0.0; 2]);
     edge_on.planes[at] = now.view.ray(12.0, 10.0).cross(DVec3::X);
     let found = link(&edge_on, &still, at);
@@ -515,8 +515,8 @@ fn points_behind_other_surfaces_are_not_linked() {
     nothing.distances[at] = 0.0;
     let found = link(&edge_on, &nothing, at);
     assert_eq!((found.pixel, found.is_uncertain), (None, false));
-    // The samples of the earlier frame are shifted by 0.5004 pixels. So the position of every point is within a thousandth of a pixel of a border
-    // between two pixels. The points of the last column are outside the earlier picture.
+    // The samples of the earlier frame are shifted by 0.5004 pixels. So each point lies within a thousandth of a pixel of a border between two
+    // pixels, and its link must be uncertain. The points of the last column are outside the earlier picture.
     let shifted = above_ground([3.0, -2.0, 10.0], 0.2, [-0.5004, 0.0]);
     let visible: Vec<usize> = (0..24 * 16).filter(|&at| now.distances[at] > 0.0).collect();
     assert!(visible.len() > 100);

@@ -58,7 +58,8 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
     for round in 0..2000u32 {
         let view = view_at([random.between(-5500.0, 5500.0), random.between(-5500.0, 5500.0)], random.between(0.0, 6.0));
         let settled = select(&world, &view, |_| true);
-        // Three cases alternate: each node has arrived with some probability; only coarse nodes have arrived; some whole subtrees have arrived.
+        // Three cases alternate. Case 0: each node has arrived with the probability `chance`. Case 1: only nodes of LOD `coarsest` and coarser have
+        // arrived. Case 2: some whole subtrees have arrived.
         let (chance, salt, coarsest) = (random.between(0.5, 1.0), random.below(1 << 20), random.below(6) as u8);
         let is_available = |node: NodeId| match round % 3 {
             0 => Random(u64::from(node.lod) << 40 | u64::from(node.x) << 20 | u64::from(node.y) ^ salt as u64).between(0.0, 1.0) < chance,
@@ -71,7 +72,8 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
         assert!(selection.visited.iter().all(|node| is_root(node) || is_available(*node)), "a node was visited before it arrived");
         let [visited, all] = [set(&selection.visited), set(&settled.visited)];
         let wanted: BTreeSet<NodeId> = selection.wanted.iter().map(|wanted| wanted.node).collect();
-        // Each node that is visited when everything has arrived is either visited or wanted, because all nodes have the same bounds here.
+        // Each node that would be visited if everything had arrived must be either visited or wanted. This holds because all nodes have the same
+        // bounds here.
         assert!(wanted.is_disjoint(&visited) && wanted.len() == selection.wanted.len(), "each node is wanted once");
         assert_eq!(wanted.union(&visited).copied().collect::<BTreeSet<_>>(), all);
         assert!(selection.wanted.iter().all(|wanted| wanted.is_available == is_available(wanted.node)));
@@ -79,7 +81,7 @@ fn the_ground_is_covered_once_whatever_has_arrived() {
             assert!(node.children().iter().any(|child| !is_available(*child)), "{node:?} could be split");
             partial += 1;
         }
-        // The lag is the difference of the two LOD maps.
+        // The expected lag is the difference of these two maps of LODs.
         let [drawn, ideal] = [&selection, &settled].map(|selection| lod_map(&selection.drawn));
         let behind: Vec<u8> = drawn.iter().zip(&ideal).map(|(drawn, ideal)| drawn - ideal).filter(|&n| n > 0).collect();
         let found = lag(&selection);
@@ -142,7 +144,8 @@ fn streamed_nodes_arrive_on_schedule_and_the_picture_settles() {
             assert_eq!(arrivals.pending(), requests.iter().map(BTreeSet::len).sum::<usize>());
             assert!(arrivals.arrived().len() <= CAPACITY as usize && NodeId::roots().all(|root| arrivals.arrived().contains(&root)));
         }
-        // The nodes of the view that are missing are requested, 6 per frame. The last of them can be drawn 4 frames after their request.
+        // Smallest number of frames that load the missing nodes of the view, at 6 per frame. A node can be drawn 4 frames after its request. The 25
+        // root nodes have always arrived.
         let fewest = settled.visited.len().saturating_sub(25 + start_nodes(&world, &start, &settled)).div_ceil(6) + 3;
         assert_eq!(frames, fewest, "round {round}: {} nodes", settled.visited.len());
     }

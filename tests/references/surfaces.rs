@@ -406,7 +406,7 @@ fn pages_are_filtered_between_texels_and_between_mips() {
     let mut random = Random(149);
     for round in 0..60 {
         let place = all.place(&mut random);
-        // The steps are at least half a texel of the finest level long. The coarsest texels that are filtered are 4 m wide.
+        // Lengths of the steps per pixel: at least half a texel of the finest level. The coarsest texels that are filtered are 4 m wide.
         let texels = random.between(-1.0, 7.0).exp2();
         let longer = if round % 2 == 0 { 1.0 } else { random.between(1.0, 4.0) };
         let steps = [DVec3::X * (texels / TEXELS_PER_M), DVec3::Y * (longer * texels / TEXELS_PER_M)];

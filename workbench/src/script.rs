@@ -1,9 +1,9 @@
 //! The application with an invisible window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests,
 //! and machines without a display.
 //!
-//! A script controls time. How long a step waits for its picture depends on the machine. Therefore, no time passes while a step waits. This applies
-//! to frames, which advance by the step `frames` and by the controls that advance by one frame. It also applies to the time of the window, by which
-//! the undo history decides whether two changes are undone together. So the number of the frame and the undo history depend on the steps alone.
+//! A script controls time. No time passes while a step waits for its picture, because the wait depends on the machine. This applies to the frame
+//! number, which only the step `frames` and the controls that advance by one frame increase. It also applies to the time of the window. From this
+//! time, the undo history decides whether two changes are undone together. So the frame number and the undo history depend on the steps alone.
 //! Measured times still differ from run to run.
 
 use std::path::{Path, PathBuf};
@@ -29,8 +29,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const NAP: Duration = Duration::from_millis(5);
 /// Number of drawings of the window in which a turn of the wheel takes full effect. egui spreads the turn over several drawings.
 const SPREAD: usize = 60;
-/// Number of drawings of the window before a step. Each drawing takes a quarter of a second of the window's time. Together, the drawings take longer
-/// than the pause of one second that separates two changes in the undo history, so each step is undone by itself.
+/// Number of drawings of the window before a step. Each drawing takes a quarter of a second of the window's time, so all of them take more than a
+/// second. After a second without changes, the undo history treats the next change as separate. Each step is therefore undone by itself.
 const PAUSE: usize = 5;
 
 /// One step of a script.

@@ -58,7 +58,7 @@ impl Workbench {
     fn listen(&mut self, ctx: &egui::Context) {
         self.model.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
         if !self.model.clock.runs() {
-            // The time to the next picture is then up to the user.
+            // While time is paused, the interval between pictures depends on the user, so it is not measured.
             self.last_shown = None;
         }
         let before = self.model.news.shown.take();

@@ -42,9 +42,9 @@ const FRAME: &str = "frame (wall clock)";
 const READING: &str = "reading back (wall clock)";
 /// The time of measuring a frame with the metrics that compare the frames of a sequence.
 const MEASURING: &str = "measuring (wall clock)";
-/// The time of deciding what is drawn: the wall-clock time of the CPU's part (selecting nodes and vertex strides, culling patches, uploading the list
-/// of patches), plus the device times of occlusion culling, which the wall clock cannot separate from the other passes. This time is not measured on
-/// an adapter without timestamps.
+/// The time of deciding what is drawn: a CPU time plus the device times of occlusion culling. The CPU time is the wall-clock time of selecting and
+/// loading nodes, culling patches, and uploading the list of patches. The wall clock cannot separate occlusion culling from the other passes. This
+/// time is therefore not measured on an adapter without timestamps.
 const DECIDING: &str = "deciding what is drawn";
 
 /// Whether a time is measured in the rounds for wall-clock times.
@@ -59,7 +59,7 @@ const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
 
-/// The candidate that culls patches only by the frustum test, with the range of heights of their node.
+/// The candidate that culls patches only by the frustum test. As the height range of a patch, it uses that of the node.
 const FRUSTUM_ONLY: &str = "frustum only";
 /// The candidate with an accepted geometry error of half a pixel.
 const HALF_A_PIXEL: &str = "geometry error of half a pixel";
@@ -77,8 +77,8 @@ struct Candidate {
     error_px: f64,
 }
 
-/// Returns the timed ways to draw the frame: the variants, of which `auto` is the first; then candidates with less culling; and at the end, with all
-/// culling, a candidate with fewer vertices.
+/// Returns the timed ways to draw the frame. First are the variants, with `auto` at index 0. Then follow candidates with less culling. The last
+/// candidate has all culling and fewer vertices.
 fn candidates() -> Vec<Candidate> {
     let of = |(name, variant)| Candidate { name, variant, culls: Culls::ALL, error_px: 0.0 };
     let without = |name, culls| Candidate { culls, ..of((name, VariantChoice::Auto)) };
@@ -252,14 +252,15 @@ fn passes(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn 
     })
 }
 
-/// The time of each frame includes this share of the time that perceived noise takes. The reason is that perceived noise is measured in at most 4
-/// frames of a sequence, which are a quarter of 16 measured frames.
+/// Share of the time for perceived noise that is added to the measuring time of each frame. A sequence has perceived noise in at most 4 frames, which
+/// are a quarter of 16 measured frames.
 const SHARE_SEEN: f64 = 0.25;
 
 /// Measures four durations for each frame: rendering the frame with automatically chosen variants, the part of it that decides what is drawn, reading
 /// the frame back, and measuring two streams of metrics, one for each signal. The measurement of a stream includes its changes from the four previous
 /// frames, the changes of its error, and its perceived noise. The call that measures also composes the pictures, so the duration of a separate
-/// composition is subtracted. The reference sequence is the stream itself, because only the durations count. A timed round is one frame.
+/// composition is subtracted. Each stream is compared with itself in place of a reference, because only the durations count. A timed round is one
+/// frame.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &dyn Fn(u64, u64)) -> Result<Samples> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let viewing = Viewing::default();
@@ -305,8 +306,8 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs, step: &d
         shaded.measure(&layers, &mut meter, &[None; 2])?;
         let measured = began.elapsed();
         let began = Instant::now();
-        // A filter keeps what depends only on which pixels show terrain. In a run with a moving camera, these pixels change from frame to frame. So
-        // this part is computed anew for each frame here, too.
+        // A filter stores results that depend only on which pixels show terrain. In a run with a moving camera, these pixels change from frame to
+        // frame, so the results cannot be used again. Therefore, a new filter is made for each frame here, too.
         let mut filter = PerceivedFilter::new(args.size, viewing.pixels_per_degree);
         for index in 0..tracks.len() {
             filter.perceived_noise(&meter.memory(gpu, index)?);

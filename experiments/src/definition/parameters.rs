@@ -222,8 +222,9 @@ impl Definition {
         Ok(settings)
     }
 
-    /// Returns a hash of the sources of the scene, as 16 hexadecimal digits: the xxHash64 of the text of the scene file, or of the imported heightmap.
-    /// The heightmap and the images of materials that the scene reads follow, or the images in the materials folder of the import.
+    /// Returns the xxHash64 of the files from which the scene is made, as 16 hexadecimal digits. Without an import, these are the text of the scene
+    /// file, and the heightmap and the images of materials that the scene reads. With an import, they are the imported heightmap and the images in
+    /// the materials folder of the import.
     ///
     /// # Errors
     /// A source cannot be read, or Ctrl-C was pressed.
@@ -262,7 +263,7 @@ impl Definition {
     }
 }
 
-/// Adds the content of a file to a hash, and then its length, so that the border between two files belongs to the hash.
+/// Adds the content of a file to a hash, and then its length. Without the length, the hash would not show where one file ends and the next begins.
 fn add_content(hasher: &mut XxHash64, file: &Path) -> Result<()> {
     check_interrupted()?;
     let length = add_bytes(hasher, file)?;
@@ -289,8 +290,8 @@ pub(crate) fn add_bytes(hasher: &mut XxHash64, file: &Path) -> Result<u64> {
     read().with_context(|| format!("cannot read {}", file.display()))
 }
 
-/// Adds the names and contents of the images in a folder, down to `depth` levels, in alphabetical order. Names are relative to the folder, so a copy of
-/// the folder has the same hash. Other files, hidden ones, and entries that cannot be read are left out: the scene does not read them either.
+/// Adds the names and contents of the images in a folder, down to `depth` levels, in alphabetical order. Names are relative to the folder, so a copy
+/// of the folder has the same hash. Other files, hidden ones, and entries that cannot be read are left out: the scene does not read them either.
 fn add_images(hasher: &mut XxHash64, folder: &Path, depth: usize) -> Result<()> {
     let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().to_string_lossy().starts_with('.');
     let entries = WalkDir::new(folder).follow_links(true).max_depth(depth).sort_by_file_name().into_iter();

@@ -1,5 +1,5 @@
-//! Reads pictures from PNG and JPEG files. The exponent and the primaries that a PNG states are applied. Other facts that can affect a
-//! comparison are recorded.
+//! Reads pictures from PNG and JPEG files. The exponent and the primaries that a PNG states (gAMA, cHRM) are applied to its colours. Other facts that
+//! can affect a comparison are recorded.
 
 use std::io::{BufRead, Seek};
 

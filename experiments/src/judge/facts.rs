@@ -9,8 +9,8 @@ use super::Metric;
 use super::picture::{Content, Image};
 use super::windows::Windows;
 
-/// A value is reported as outside 0..=1 only if its distance from this range is larger than this number. If a value is nearer to the range,
-/// clamping changes its 8-bit sRGB code by less than half a step, because the slope of the encoding is 12.92 at 0 and 0.44 at 1.
+/// Distance from 0..=1 up to which a value outside this range is not reported. Clamping such a value changes its 8-bit sRGB code by less than half a
+/// step, because the slope of the encoding is 12.92 at 0 and 0.44 at 1.
 const CLAMP_TOLERANCE: f32 = 1e-4;
 
 /// A fact about the files that affects the metrics.
@@ -136,9 +136,9 @@ fn precision(test: Side<'_>, reference: Side<'_>) -> Option<Note> {
     Some(Note { about: "precision", text })
 }
 
-/// Returns a note about alpha, which no metric compares. It gives the number of pixels with different alpha. If only one of the files has colours
-/// that are multiplied by alpha, it also gives the number of pixels that are not opaque in at least one of the pictures. Numbers of 0 are omitted. A
-/// picture without alpha is opaque.
+/// Returns a note about alpha, which no metric compares. A picture without alpha counts as opaque. The note gives up to two numbers, each only if it
+/// is above 0. The first is the number of pixels with different alpha. The second is the number of pixels that are not opaque in at least one of the
+/// pictures. It is given only if the colours of exactly one of the files are multiplied by alpha.
 fn alpha(test: Side<'_>, reference: Side<'_>, mask: Option<&[bool]>) -> Option<Note> {
     if test.image.content != Content::Colour {
         return None;

@@ -17,8 +17,8 @@ pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 pub struct Flip {
     /// The mean error. The authors recommend it if a single number is needed.
     pub mean: f64,
-    /// The weighted quartiles. If the pixels are sorted by their errors, these are the errors at which the running sum first exceeds a quarter, a
-    /// half and three quarters of the sum of all errors.
+    /// The weighted quartiles. The pixels are sorted by their errors, and the errors are summed in this order. The quartiles are the errors at which
+    /// this sum first exceeds a quarter, a half and three quarters of the sum of all errors.
     pub weighted_quartiles: [f64; 3],
     /// The largest error.
     pub max: f64,
@@ -124,8 +124,8 @@ mod tests {
     }
 
     /// Returns the error of two uniform pictures by the formula of the paper. Uniform pictures have no features, so only the difference in colour
-    /// counts. It is the HyAB distance to the power 0.7, mapped to 0..=1. This power is largest for green and blue. Powers up to 40 % of the largest
-    /// are mapped to 0..=0.95, and larger powers to the rest of the range.
+    /// counts. Let d be the HyAB distance of the two colours to the power 0.7, and m the largest d, which is that of green and blue. Values of d up
+    /// to 0.4 m are mapped to 0..=0.95, and larger values to 0.95..=1.
     fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let (a, b) = (hunt_lab(a), hunt_lab(b));
@@ -151,8 +151,8 @@ mod tests {
             let (a, b) = (code(a), code(b));
             let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
             let expected = uniform_error(linear(a), linear(b));
-            // The tested code computes in f32. Lab values are about 100 at most, and their error is about 1e-5 of this, which is 1e-3. The power and
-            // the division by the largest distance reduce the error, so the error of the result is below 1e-3.
+            // The tested code computes in f32. Lab values are at most about 100, and their relative error is about 1e-5, so their absolute error is
+            // about 1e-3. The power and the division by the largest distance reduce the error, so the error of the result is below 1e-3.
             for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
                 assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
             }

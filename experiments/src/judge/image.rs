@@ -15,11 +15,12 @@ impl Image {
     /// PNG and JPEG are decoded from sRGB, or with the exponent and primaries that a PNG states (gAMA, cHRM). They are turned as their EXIF
     /// orientation says.
     ///
-    /// The pixels of OpenEXR are placed in the display window. `layer` is the name of a layer. For example, the layer `albedo` has the
-    /// channels `albedo.R`, `albedo.G` and `albedo.B`, or the channels R, G and B of the part `albedo`. If `layer` is `None`, the channels
-    /// R, G and B that belong to no layer are read or, if there are none, those of the only layer that has them. If no layer has colours, a
-    /// vector or a single value is read in the same way. A layer must have the channels R G B, the channels X Y Z, or a single channel
-    /// besides alpha. Colours are converted to the primaries of Rec. 709, which are those of sRGB.
+    /// The pixels of OpenEXR are placed in the display window. `layer` is the name of a layer. For example, the layer `albedo` has the channels
+    /// `albedo.R`, `albedo.G` and `albedo.B`, or the channels R, G and B of the part `albedo`. A layer must have the channels R G B, the channels X Y
+    /// Z, or a single channel besides alpha. Colours are converted to the primaries of Rec. 709, which are those of sRGB.
+    ///
+    /// If `layer` is `None`, the channels R, G and B that belong to no layer are read. If there are none, the only layer that has these channels is
+    /// read. If no layer has colours, a vector or a single value is selected by the same two steps.
     ///
     /// # Errors
     /// The file cannot be read, is not a picture, is damaged or of an unsupported kind, has more than 2^26 pixels, stores no pixel of its

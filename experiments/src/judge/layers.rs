@@ -189,8 +189,9 @@ fn only<'l, 'a>(layers: &'l [Layer<'a>]) -> Result<&'l Layer<'a>, String> {
     }
 }
 
-/// Returns the channel A of the picture itself, which is the layer without a name or, if all layers have names, the first layer. The channel may be
-/// in a different part than `layer`, if that part has the same windows. If there is no such channel, returns the channel A of `layer`.
+/// Returns the channel A (alpha) of the picture itself, which is the layer without a name or, if all layers have names, the first layer. The picture
+/// itself may be stored in a different part of the file than `layer`, if both parts have the same windows. If no channel is found in this way, the
+/// function returns the channel A of `layer`.
 fn alpha<'a>(layers: &[Layer<'a>], layer: &Layer<'a>) -> Option<&'a Channel> {
     let main = if layers.iter().any(|other| other.name.is_empty()) { "" } else { layers.first().map_or("", |first| first.name.as_str()) };
     let of_main = layers.iter().filter(|other| other.name == main);

@@ -4,12 +4,13 @@
 //! s(x) is the sRGB encoding of x after clamping to 0..=1.
 //!
 //! - MSE = mean over P and k of (t - r)²; as in tev and in pbrt's imgtool.
-//! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. imgtool's denominator is (r + 0.01)². For r = 0 it is 100 times smaller
-//!   than tev's, so a single black pixel can dominate the mean, and for r = -0.01 it is 0. tev's formula is the relative error of Rousselle,
-//!   Knaus and Zwicker 2011, *Adaptive Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
-//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. tev and imgtool do not have this metric. Encoded values are used, because only bounded values
-//!   have a peak, which is 1. For 8-bit pictures the result then equals that of tools that average over the three channels of the codes. PSNR is
-//!   infinite if no encoded value differs. PSNR of linear values with peak 1 would contain the same information as the MSE: see [`psnr_db`].
+//! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. This is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
+//!   Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon. imgtool divides by (r + 0.01)² instead. This denominator is
+//!   100 times smaller for r = 0, so a single black pixel can dominate the mean, and it is 0 for r = -0.01.
+//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. It is infinite if no encoded value differs. tev and imgtool do not have this metric. Encoded
+//!   values are used, because only bounded values have a peak, which is 1. If both pictures have 8-bit codes, the result equals that of tools that
+//!   compare the codes and average over the three channels. PSNR of linear values with peak 1 would contain the same information as the MSE: see
+//!   [`psnr_db`].
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!

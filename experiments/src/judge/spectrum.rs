@@ -23,16 +23,17 @@ pub struct Band {
     pub frequencies: usize,
 }
 
-/// Computes the radially averaged power spectrum of a field of `size` (width, height), given row by row. The number of bands is `bands`. They have
-/// equal width and together cover 0 to 0.5 cycles per pixel. Let f be the field, m its mean, w the product of the periodic Hann windows of both axes,
-/// and F the discrete Fourier transform of w (f - m):
+/// Computes the radially averaged power spectrum of a field of `size` (width, height), given row by row. The frequencies from 0 to 0.5 cycles per
+/// pixel are divided into `bands` bands of equal width. Let f be the field, m its mean, w the product of the periodic Hann windows of both axes, and
+/// F the discrete Fourier transform of w (f - m). The power at frequency k is:
 ///
 /// > P(k) = |F(k)|² / Σ w² (f - m)²
 ///
 /// The power of a band is the mean of P over its frequencies. By Parseval's theorem, the mean of P over all frequencies is 1 for every field that is
-/// not constant, so white noise has an expected power of 1 in every band. Two groups of frequencies are excluded. The nine frequencies that are at
-/// most one step from 0 on both axes are excluded, because subtracting the mean removes power from them. (The window spreads this effect to all nine,
-/// but not to other frequencies.) Frequencies of 0.5 and above are excluded, too. A constant field has a power of 0, up to rounding.
+/// not constant, so white noise has an expected power of 1 in every band. A constant field has a power of 0, up to rounding.
+///
+/// Frequencies of 0.5 and above are excluded. The nine frequencies that are at most one step of the transform from 0 on both axes are excluded, too,
+/// because subtracting the mean removes power from them. (The window spreads this effect to all nine, but not to other frequencies.)
 ///
 /// The standard error assumes a Gaussian field or many pixels. P(k) is then approximately exponentially distributed, so its standard deviation equals
 /// its mean. A frequency and its negative have equal P, so only half of the frequencies count. Neighbouring frequencies are correlated by the window:
@@ -78,7 +79,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
         *band = (band.0 + 1, band.1 + frequency, band.2 + power, band.3 + power * power);
     }
     let band = |(frequencies, frequency, power, squared): Sums| {
-        // The divisor is not 0. The first band has the fewest frequencies, and it contains at least the frequencies that are between 1 and 4 steps
+        // The divisor is not 0. Even the first band, which has the fewest frequencies, contains those that are between 1 and 4 steps of the transform
         // from 0.
         let n = frequencies as f64;
         Band {
@@ -182,7 +183,7 @@ mod tests {
             // cosine.
             assert!(index == 13 || band.power < 1e-10, "band {index}: {}", band.power);
         }
-        // 193 frequencies are less than 8 steps from 0. The nine frequencies around 0 are excluded.
+        // The first band contains the frequencies that are less than 8 of 256 steps from 0. There are 193, and the nine around 0 are excluded.
         assert_eq!(bands[0].frequencies, 193 - 9);
         // The field need not be square. 44 cycles in 128 pixels are 0.34375 cycles per pixel, which lies in band 5.
         let field: Vec<f32> = (0..128 * 64).map(|i| (std::f64::consts::TAU * (44 * (i % 128)) as f64 / 128.0).cos() as f32).collect();
@@ -217,8 +218,9 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // Only 64 x 64 values of the field are independent, so the powers of up to 16 frequencies are nearly equal except for a factor. The
-            // standard error is therefore at most sqrt(16) = 4 times larger than computed.
+            // The computed standard error assumes that the powers of distant frequencies are independent. Here only 64 x 64 values of the field are
+            // independent, so groups of up to 16 frequencies have nearly proportional powers. The true standard error is therefore up to sqrt(16) = 4
+            // times larger.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }

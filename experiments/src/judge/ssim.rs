@@ -18,9 +18,9 @@ pub const K1: f64 = 0.01;
 /// Constant of the contrast and structure term, relative to the peak.
 pub const K2: f64 = 0.03;
 
-/// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the three channels and over the
-/// windows that fit into the picture and whose central pixel the mask selects (no mask = every pixel). `None` if there is no such window, or if the
-/// lengths do not match the size.
+/// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the three channels and over
+/// windows. A window counts if it fits into the picture and the mask selects its central pixel (no mask = every pixel). `None` if no window counts,
+/// or if the lengths do not match the size.
 pub fn ssim(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: Option<&[bool]>) -> Option<f64> {
     let [width, height] = size.map(|side| side as usize);
     let (inner_width, inner_height) = (width.checked_sub(WINDOW - 1)?, height.checked_sub(WINDOW - 1)?);

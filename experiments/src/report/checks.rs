@@ -1,4 +1,4 @@
-//! Three checks of a run: whether the counted fetches are those that the flavours promise, whether biases are explained by chance, and whether
+//! Three checks of a run. They check whether the counted fetches are those that the flavours promise, whether chance explains the biases, and whether
 //! variances agree with the theory. `columns.rs` has the other checks.
 
 use kernels::variant::Flavour;
@@ -28,8 +28,9 @@ impl Mark {
 /// A check: its result, and a sentence that describes it.
 pub(super) type Check = (Mark, String);
 
-/// The promised and the counted number of fetches of a flavour. The promise is the number that the estimator states for the flavour. With colour
-/// modulation, it is one more, but not for the virtual texture. For the far atlas, it is always the range 2 to 3.
+/// The promised and the counted number of fetches of a flavour (one of the five ways to shade a terrain pixel). The promise is the number that the
+/// estimator states for the flavour. In a scene with colour modulation, it is one more, except for the virtual texture. For the far atlas, the
+/// promise is always the range 2 to 3.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
     /// The name of the flavour. If the run has several views, the name of the view follows.
@@ -95,8 +96,8 @@ pub(super) struct Measured {
     pub(super) standard_error: Option<f64>,
     /// Degrees of freedom of the standard error; `None` = not known.
     pub(super) freedom: Option<f64>,
-    /// The p-value of a second test, which also finds deviations that cancel over the picture: the probability that chance alone causes deviations at
-    /// least as large as the measured ones. `None` = not measured.
+    /// The p-value of a second test, which also finds deviations of opposite signs that cancel over the picture. It is the probability that chance
+    /// alone causes deviations at least as large as the measured ones. `None` = not measured.
     pub(super) probability: Option<f64>,
 }
 
@@ -104,13 +105,14 @@ pub(super) struct Measured {
 struct Rule {
     /// Deviations up to this size are accepted even if they are certain, because they have a known cause.
     slack: fn(f64) -> f64,
-    /// If the smallest deviation that would be found is larger than this, and the row's own deviation is accepted, the row cannot be judged.
+    /// Limit of the smallest deviation that the test would find. If this deviation is above the limit, the test says too little. The row then cannot
+    /// be judged, unless its own deviation is too large to be accepted.
     useful: fn(f64) -> f64,
 }
 
 /// Largest bias that rounding can cause for albedos below 1/4, as linear albedo. Devices may round the values of the G-buffer to f16 towards 0. Over
-/// many pixels, the blend then loses half a step of f16 on average, and its materials lose between nothing and a whole step. So the blend differs
-/// from its materials by up to half a step, which is 2^-14 for albedos from 1/8 to 1/4.
+/// many pixels, the blend then loses half a step of f16 on average. Each of its materials loses between nothing and a whole step. So the blend
+/// differs from its materials by up to half a step, which is 2^-14 for albedos from 1/8 to 1/4.
 pub(super) const ROUNDING: f64 = 1.0 / 16_384.0;
 
 const BIAS: Rule = Rule { slack: |_| ROUNDING, useful: |_| 0.05 };
@@ -251,8 +253,8 @@ fn following(follow: usize, why: &str) -> Option<String> {
 }
 
 /// Checks whether chance and rounding explain the biases. Each row has a test of its mean over the picture. If it has a probability
-/// ([`Measured::probability`]), it also has a test of biases that cancel over the picture. `follow` is the number of other rows that are compositions
-/// of the given rows. `None` if there are no rows.
+/// ([`Measured::probability`]), it also has a test of biases that cancel over the picture. `follow` is the number of other rows, which combine
+/// flavours of the given rows and are not tested. `None` if there are no rows.
 pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check> {
     if rows.is_empty() {
         return None;
@@ -293,8 +295,8 @@ pub(super) fn bias(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check
     Some((mark, sentence([Some(result), family.largest("the largest"), patterns, power, family.doubts(), follow])))
 }
 
-/// Checks whether the mean squared differences from the exact blend are the predicted variances. `follow` is the number of other rows that are
-/// compositions of the given rows. `None` if there are no rows, or if nothing is predicted for any of them.
+/// Checks whether the mean squared differences from the exact blend are the predicted variances. `follow` is the number of other rows, which combine
+/// flavours of the given rows and are not tested. `None` if there are no rows, or if nothing is predicted for any of them.
 pub(super) fn variance(rows: &[Measured], follow: usize, seeds: u32) -> Option<Check> {
     if rows.iter().all(|row| row.expected.is_nan()) {
         return None;

@@ -1,5 +1,5 @@
-//! The content of a report: columns and cells of its table of choices, Pareto fronts, checks, and facts about the set-up. If a number is missing, its
-//! cell gives the reason.
+//! The content of a report: columns and cells of its table of choices (combinations of view, variant and settings), Pareto fronts, checks, and facts
+//! about the set-up. If a number is missing, its cell gives the reason.
 
 use std::collections::BTreeSet;
 
@@ -322,8 +322,8 @@ pub(super) fn remarks(run: &RunData, table: &Table) -> Vec<String> {
 /// Largest share of a history that may come from the first frame when measuring begins.
 const OLDEST: f64 = 0.1;
 
-/// Says that the histories of the run are not filled when measuring begins; `None` if they are, or if there is no history. A history begins with the
-/// first frame, and each later frame multiplies the weight of earlier frames by 1 - [`SHARE`].
+/// Says that the histories of the run (the accumulated pictures of its temporal resolves) are not filled when measuring begins; `None` if they are,
+/// or if there is no history. A history begins with the first frame, and each later frame multiplies the weight of earlier frames by 1 - [`SHARE`].
 fn short_history(definition: &Definition) -> Option<String> {
     let resolves = definition.temporal.iter().filter(|name| name.parse::<Resolve>().is_ok_and(Resolve::has_history));
     let resolves: Vec<&str> = resolves.map(String::as_str).collect();
@@ -358,11 +358,12 @@ fn short_memory(run: &RunData, table: &Table) -> Option<String> {
     })
 }
 
-/// Largest mean share of disoccluded terrain pixels (without a link to the previous frame) at which the check [`followed`] passes. If the share is
-/// larger, the check is unclear.
+/// Largest mean share of disoccluded terrain pixels, whose surface point was not visible in the previous frame, for which the check [`followed`]
+/// passes. If the share is larger, the check is unclear.
 const MOST_HIDDEN: f64 = 0.5;
 
-/// Checks that, in every view, at least half of the terrain pixels have a link to the previous frame; `None` if no frames were compared.
+/// Checks that, in every view, at least half of the terrain pixels show a point that was visible in the previous frame; `None` if no frames were
+/// compared.
 fn followed(table: &Table) -> Option<Check> {
     let share = |view: &str| {
         let hidden = table.of_view(view).into_iter().map(|i| table.summaries[i].value(DISOCCLUDED)).filter(|hidden| hidden.is_finite());
@@ -443,7 +444,7 @@ fn place_of_reference(table: &Table, reference: &ReferenceFacts) -> String {
 }
 
 /// Checks that the colours of all terrain pixels are finite; `None` if no choice and no reference has a count of pixels without a finite colour.
-/// Metrics of colours leave such pixels out, so they do not describe the whole picture of a choice that has some.
+/// Metrics of colours leave such pixels out. If a choice has some, its metrics do not describe its whole picture.
 fn invalid(table: &Table) -> Option<Check> {
     let mut counts: Vec<(String, f64)> = Vec::new();
     for reference in &table.references {

@@ -60,8 +60,8 @@ impl Estimate {
 fn freedom_of_sum(terms: [(f64, f64); 2]) -> f64 {
     let variance: f64 = terms.iter().map(|(error, _)| error * error).sum();
     let doubt: f64 = terms.iter().map(|(error, freedom)| error.powi(4) / freedom).sum();
-    // Without rounding, the result would never be smaller than the smaller number of degrees of freedom. Rounding could make it smaller than 1, where
-    // `limit` is infinite. So the smaller number is the lower limit of the result.
+    // Without rounding, the result would be at least the smaller of the two numbers of degrees of freedom. This is therefore used as its lower limit.
+    // Otherwise, rounding could make the result smaller than 1, for which `limit` is infinite.
     let [(_, one), (_, other)] = terms;
     if doubt > 0.0 { (variance * variance / doubt).max(one.min(other)) } else { f64::INFINITY }
 }
@@ -79,8 +79,8 @@ pub(super) fn level_of_each(count: usize) -> f64 {
 
 /// Returns the level of [`Estimate::is_above`] for each comparison of a ranking. A ranking compares the best of `values` values with each of the
 /// others. The data decide which value is the best, so any two values may be compared, in either direction. Each pair of values therefore counts as
-/// one two-sided test, of which [`Estimate::is_above`] is one side. `metrics`: the number of metrics by which a sentence may rank. The sentence uses
-/// the first metric that shows a difference.
+/// one two-sided test, and [`Estimate::is_above`] is one side of it. `metrics` is the number of metrics by which a sentence may rank. The sentence
+/// uses the first metric that shows a difference.
 pub(super) fn level_of_ranking(values: usize, metrics: usize) -> f64 {
     level_of_each(values * values.saturating_sub(1) / 2 * metrics) / 2.0
 }
@@ -138,8 +138,8 @@ pub(super) struct Place {
 pub(super) struct Front {
     /// Indices of the points on the front, by increasing cost.
     pub(super) points: Vec<usize>,
-    /// For each point on the front, the points off the front that are as good within chance: if such a point has a higher cost or a larger error,
-    /// chance explains this. A point that is as good as several points on the front is listed for the one whose error is closest to its error.
+    /// For each point on the front, the points off the front that are as good within chance: chance explains why such a point has a higher cost or a
+    /// larger error. A point that is as good as several points on the front is listed only for the one whose error is closest to its own.
     pub(super) alike: Vec<Vec<usize>>,
 }
 
@@ -159,8 +159,8 @@ impl Front {
 ///
 /// 1. Points are taken by increasing cost, and points of equal cost by increasing error. A point joins the front if its error is smaller than that of
 ///    every point that joined before it ([`Estimate::is_above`]).
-/// 2. A point leaves the front if chance explains the higher cost of a point that joined later and stays. The later point has the smaller error, so
-///    it is better.
+/// 2. A point leaves the front if a point that joined later stays on it, and chance explains why the later point has the higher cost. The later point
+///    has the smaller error, so it is better.
 ///
 /// The first step makes one decision for each point but the cheapest one. If costs have standard errors, the second step makes the same number of
 /// decisions. The level of each decision follows from the number of all decisions, so that chance alone puts a wrong point on the front with a
@@ -388,9 +388,9 @@ mod tests {
 
     #[test]
     fn a_real_difference_is_on_the_front() {
-        // The error of choice 7 is smaller by 7 standard errors of a difference, which are 0.1 sqrt(2/15) each. For 11 decisions with 28 degrees of
-        // freedom, the limit is 2.79 standard errors, so the difference exceeds the limit by more than 4 standard errors. At least 990 of 1000 tables
-        // must have the choice on the front. With a difference of 5 standard errors, 98 % would have it.
+        // The error of choice 7 is smaller by 7 s, where s = 0.1 sqrt(2/15) is the standard error of a difference. For 11 decisions with 28 degrees
+        // of freedom, the limit is 2.79 s, so the difference exceeds the limit by more than 4 s. At least 990 of 1000 tables must therefore have the
+        // choice on the front. With a difference of 5 s, 98 % would have it.
         let gap = 7.0 * 0.1 * (2.0f64 / 15.0).sqrt();
         let table = |seed: u32| -> Vec<Place> {
             let error = |point: u32| measured(if point == 7 { 1.0 - gap } else { 1.0 }, 0.1, 15, [seed, point, 4]);
@@ -415,7 +415,7 @@ mod tests {
         assert_eq!(said(exactly(20.0), exactly(5.0)), "4.00 times as slow as");
         assert_eq!(said(exactly(5.0), exactly(5.05)), "as fast as");
         assert_eq!([speed(exactly(0.0), exactly(1.0)), speed(exactly(f64::NAN), exactly(1.0))], [None, None]);
-        // Standard errors of 3 % and 4 % are together 5 %, and 1.96 times 5 % of 4 is 0.392.
+        // Relative standard errors of 3 % and 4 % combine to 5 %. The ratio is 4, so the half-width of its interval is 1.96 x 5 % x 4 = 0.392.
         let timed = |value: f64, share: f64, freedom: f64| Estimate { value, error: share * value, freedom };
         let (one, other) = (timed(5.0, 0.03, f64::INFINITY), timed(20.0, 0.04, f64::INFINITY));
         assert_eq!(said(one, other), "4.00 \u{b1} 0.39 times as fast as");

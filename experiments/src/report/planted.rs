@@ -1,6 +1,6 @@
-//! Plants one fault at a time into a run. The fault first has a size at which a check must still pass, and then a size at which this check must not
-//! pass. If the check has a threshold, the two sizes lie close to it. The other checks must not change their results, except that the check `numbers`
-//! must also notice a value of NaN.
+//! Tests that the checks of a run notice faults. One fault at a time is added to a sound run, first with a size at which its check must still pass,
+//! and then with a size at which this check must not pass. If the check has a threshold, the two sizes lie close to it. The results of all other
+//! checks must not change. The only exception is the check `numbers`, which must also notice a value of NaN.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -183,8 +183,8 @@ fn faults() -> Vec<Fault> {
         };
         add("invalid", &format!("an invalid pixel of the reference, {signal}"), [0.0, 1.0], Fails, Box::new(of_reference));
     }
-    // At least half of the terrain pixels must have a link to the previous frame. With fewer links, the check is unclear: the metrics are right, but
-    // they describe only a small part of the picture.
+    // At least half of the terrain pixels must show a point that was visible in the previous frame. If there are fewer, the check is unclear: the
+    // metrics are right, but they describe only a small part of the picture.
     let hidden = |run: &mut RunData, share: f64| {
         let rows = run.rows.iter_mut().filter(|row| row.metric == "disoccluded" && row.variant == "splat");
         rows.for_each(|row| row.value = share);

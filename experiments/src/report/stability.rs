@@ -86,8 +86,8 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// Returns the result of devices in words: that there is no device, that some results are not finite, that they only had to be finite, that they
-    /// are exact, or the largest error with the value of the parameter at which this error occurs.
+    /// Describes the results of devices. The text says that there is no device, that some results are not finite, that results only had to be finite,
+    /// or that they are exact. Otherwise, it gives the largest error and the value of the parameter at which this error occurs.
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().next().is_none() {
@@ -243,8 +243,8 @@ fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     }
 }
 
-/// Returns the table of the measures that differ between devices, in the largest error or in the number of rows that take the other side of a branch
-/// than the reference.
+/// Returns the table of the measures whose results differ between devices. They may differ in the largest error, or in the number of rows for which
+/// the device takes another branch than the reference.
 fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut rows = Vec::new();
     let mut alike = 0;

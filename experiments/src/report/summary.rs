@@ -80,7 +80,7 @@ impl Key {
     }
 }
 
-/// The signal of a metric. It selects the rows that the report uses, by their column `signal`.
+/// The signal of a metric (albedo or the lit picture). It selects the rows that the report uses, by their column `signal`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     /// The metric has no signal; the column is empty.
@@ -314,8 +314,8 @@ pub(super) struct ReferenceFacts {
     pub(super) standard_error: f64,
     /// The smallest RMSE of the choices that are compared with the reference; NaN = none was measured.
     pub(super) smallest_rmse: f64,
-    /// For each temporal resolve, by name (empty = none): mean difference in luminance between consecutive frames of the reference sequence, which
-    /// passes through the same resolve.
+    /// Mean difference in luminance between consecutive frames of the reference sequence, for each temporal resolve by name (empty = none). The
+    /// reference sequence passes through the same resolve.
     pub(super) differences: BTreeMap<String, f64>,
     /// Number of terrain pixels without a finite colour in the reference sequence, over all measured frames; NaN = they were not counted. If there
     /// are several sequences, it is the largest of their numbers.
@@ -450,9 +450,9 @@ fn is_of_reference(row: &Row) -> bool {
 }
 
 /// Returns the degrees of freedom of a metric's standard error for rows that do not give them. Examples are rows of `clumping`, of spectra and of
-/// times. In tables of earlier versions, rows of metrics over frames do not give them, either. If the runner computes the standard error from the
-/// scatter of several values, the degrees of freedom are one less than the number of these values. This number is computed here as if each frame or
-/// seed had a value.
+/// times, and in tables of earlier versions rows of metrics over frames. If a standard error is computed from the scatter of n values, it has n - 1
+/// degrees of freedom. Here n follows from the definition, as if each frame or seed had a value. If a standard error is derived from theory or from
+/// an interval, the result is infinite.
 fn implied_freedom(definition: &Definition, metric: &str, lag: Option<u32>) -> f64 {
     let sequence = definition.sequence();
     let values = match metrics::find(metric).map(|metric| metric.needs) {

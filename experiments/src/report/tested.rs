@@ -22,9 +22,10 @@ struct Tested<'a> {
 }
 
 impl<'a> Tested<'a> {
-    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. Of these
-    /// choices, those whose results follow from others are not tested, but counted in `follow`. A choice follows if it is not itself a single flavour
-    /// with its specialised pipeline, and each of its random flavours is such a tested choice, with the same values in all columns but the variant.
+    /// Selects the choices that draw random numbers, have a number of this metric, and have an estimator whose mean is the exact blend. Some of them
+    /// are not tested but counted in `follow`, because their results follow from tests of single flavours. A choice follows if each of its random
+    /// flavours is selected as a choice of its own, with the same values in all columns but the variant. A single flavour with its specialised
+    /// pipeline never follows.
     fn of(table: &'a Table, metric: Metric) -> Tested<'a> {
         let random: Vec<(&Summary, Vec<Flavour>)> = table
             .summaries
@@ -65,9 +66,9 @@ fn drawing(summary: &Summary) -> Vec<Flavour> {
     }
 }
 
-/// Whether a choice that may draw random numbers is known to do so. A choice with forced flavours does, because forced flavours cover all pixels. In an
-/// automatic choice, it is possible that no pixel has a random flavour. A choice whose value of `metric` is NaN counts as random, so that a check
-/// reports it.
+/// Whether a choice that may draw random numbers is known to do so. A choice with forced flavours does, because forced flavours cover all pixels. An
+/// automatic choice may have no pixel with a random flavour, so its measured numbers decide. A choice whose value of `metric` is NaN counts as
+/// random, so that a check reports it.
 fn is_random(summary: &Summary, metric: Metric) -> bool {
     let forced = matches!(variant_choice(&summary.key.variant), Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)));
     forced || summary.is_stochastic() || summary.value(metric).is_nan()

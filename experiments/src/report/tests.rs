@@ -604,8 +604,8 @@ fn intervals_follow_from_the_degrees_of_freedom() {
         (found.expect("an interval") * 1000.0).round() / 1000.0
     };
     // Published tables of Student's t distribution, two-sided level 5 %: 12.706, 4.303, 3.182, 2.365, 2.145 and 2.093 with 1, 2, 3, 7, 14 and 19
-    // degrees of freedom. Added change of n frames comes from n - 1 groups, at most 20; perceived noise is measured in 4 of 16 frames; clumping in 8
-    // seeds.
+    // degrees of freedom. The degrees of freedom are one less than the number of values. Added change of n frames has n - 1 groups as values, at most
+    // 20. Perceived noise is measured in 4 of 16 frames, and clumping in 8 seeds.
     assert_eq!([3, 4, 16, 200].map(|frames| half(frames, "added", Some(1))), [12.706, 4.303, 2.145, 2.093]);
     assert_eq!(half(16, "perceived_noise", None), 3.182);
     assert_eq!(half(16, "clumping", None), 2.365);

@@ -280,7 +280,7 @@ fn is_close(a: &Summary, b: &Summary, metric: Metric) -> bool {
 
 /// Compares the values of a metric of two choices. They differ if they are at least [`SMALL`] apart, their confidence intervals do not overlap, and
 /// chance alone would cause such a difference with a probability of less than `level`. Errors of single pictures have no intervals and are compared
-/// as they are. It is unclear how two changes over frames differ if one of them lacks its standard error ([`Summary::is_doubtful`]), unless they are
+/// as they are. If one of two changes over frames lacks its standard error ([`Summary::is_doubtful`]), the result is unclear, unless the changes are
 /// equal.
 fn compare(a: &Summary, b: &Summary, metric: Metric, level: f64) -> Difference {
     let (low, high) = if a.value(metric) <= b.value(metric) { (a, b) } else { (b, a) };
@@ -985,8 +985,8 @@ fn variants_told(table: &Table, rows: &[usize]) -> Option<Told> {
         });
     };
     let auto = of(automatic);
-    // The question is not about the noise. The automatic choice is worth its fetches if, with any of the noises, it is on a front or as good within
-    // chance.
+    // The automatic choice is worth its fetches if, with at least one of the noises, it is on a front or as good within chance. One noise is enough,
+    // because the question is not about the noise.
     let is_worth = |&i: &usize| fronts.iter().any(|front| front.contains(i) || front.is_alike(i));
     let worth = auto.value(error).is_nan() || rows.iter().filter(|&&i| of(i).key.variant == "auto").any(is_worth);
     // The most expensive choice on the front that costs at most as much as the automatic choice. If the automatic choice is not worth its fetches,

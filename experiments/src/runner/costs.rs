@@ -17,8 +17,8 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// Returns the promised fetches of a pixel that is shaded with all flavours of a variant. The additional fetch in scenes with colour modulation
-    /// is not included.
+    /// Returns the number of fetches that a pixel should take if it is shaded with all flavours of a variant. The additional fetch in scenes with
+    /// colour modulation is not included.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
         variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()

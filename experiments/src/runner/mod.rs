@@ -302,8 +302,8 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// Returns a copy of the request that renders the reference blend. All terrain nodes have arrived in the copy. If nodes are late in the picture under
-/// test, the difference therefore counts as its error.
+/// Returns a copy of the request that renders the reference blend. The copy uses all terrain nodes that the view needs, even if streaming is
+/// simulated. If nodes are late in the picture under test, the difference therefore counts as its error.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));

@@ -23,8 +23,8 @@ use crate::unit::Unit;
 const ROOM: &str = "cannot store a picture (make room if the disk is full)";
 /// The number that stands for a pixel without terrain in a file of links.
 const NO_TERRAIN: u32 = NO_LINK - 1;
-/// Smallest change of the error, in the unit of the signal's luminance, that a map of residual flicker shows in the last colour of its scale. This
-/// colour is almost white.
+/// White point of a map of residual flicker. Changes of the error of at least this size, in the unit of the signal's luminance, have the last colour
+/// of the scale, which is almost white.
 const MAP_WHITE: f64 = 0.25;
 
 /// The kind of a picture.
@@ -115,9 +115,9 @@ pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], codes: &[[u
     write_png_texels(&folder.join(format!("{frame:04}.png")), size, codes).context(ROOM)
 }
 
-/// Writes the links from a frame to the frame before, as `NNNN.links` in the folder of a sequence: for each pixel, row by row from the top, a
-/// little-endian 32-bit number. It is the index of the pixel that showed the same surface point, [`NO_LINK`] if no pixel showed it, or
-/// [`NO_TERRAIN`]. `picture` is the frame; it says which pixels show terrain.
+/// Writes the links of a frame as `NNNN.links` in the folder of a sequence. The link of a pixel is the index of the pixel that showed the same
+/// surface point in the previous frame. It is [`NO_LINK`] if no pixel showed this point, and [`NO_TERRAIN`] if the pixel shows no terrain. The file
+/// has a little-endian 32-bit number per pixel, row by row from the top. `picture` is the frame; it says which pixels show terrain.
 pub(super) fn write_links(gpu: &Gpu, meter: &Meter, folder: &Path, frame: u32, picture: &[[u32; 2]]) -> Result<()> {
     let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, picture.len() as u64 * 4)?);
     write_with(&folder.join(format!("{frame:04}.links")), |output| {

@@ -9,7 +9,7 @@
 //! of the R2 sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different
 //! batches are independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the
 //! standard error is at most a tenth of the error of the 96-fetch blend with one sample per pixel, or until the definition's `reference.max_spp` is
-//! reached. The error of that blend is the yardstick, because without a temporal resolve, other ways to shade are expected to have larger errors.
+//! reached. The error of that blend sets the accuracy, because it is expected to be the smallest error that is measured without a temporal resolve.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -77,9 +77,9 @@ pub(super) struct Sequence {
 /// How a reference sequence changes from frame to frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Changes {
-    /// For each frame, the mean absolute difference in luminance from each of the four previous frames, over the followed pixels: all pixels at a
-    /// lag of 1, a quarter of them at larger lags. `None` if the frame is not measured, if the earlier frame does not exist, or if no followed pixel
-    /// shows a terrain point that is visible in both frames.
+    /// For each frame: the mean absolute difference in luminance from each of the four previous frames (lags 1 to 4), at the same surface points. A
+    /// lag of 1 uses all pixels, a larger lag a quarter of them. `None` if the frame is not measured, if the earlier frame does not exist, or if none
+    /// of these pixels shows a terrain point that is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
     /// 95th percentile of the absolute difference in luminance from the previous frame, over a quarter of the pixels of each measured frame.
     pub(super) p95: Option<f64>,
@@ -214,8 +214,9 @@ struct Converging {
     albedo: Accumulated,
     /// Linear radiance.
     radiance: Accumulated,
-    /// The display values of the mean radiance of each batch, decoded to linear, as for the measurement of errors. Only their scatter over the
-    /// batches is used: it gives the standard error. The display values of the reference are computed from the mean radiance over all batches.
+    /// The lit picture of each batch: the display values of its mean radiance, decoded to linear. The errors of lit pictures are measured in this
+    /// form. Only the scatter of the batches is used, for the standard error. The lit picture of the reference is computed from the mean radiance
+    /// over all batches.
     displayed: Accumulated,
     exposure: Exposure,
     terrain: Vec<bool>,
@@ -240,8 +241,8 @@ impl Converging {
                     sum[0][k] += f64::from(texel[k]);
                     sum[1][k] += f64::from(hdr[k]);
                 }
-                // `Moments::add` replaces numbers that are not finite, so the mean would hide such a colour. The pixel is therefore excluded from all
-                // comparisons.
+                // A pixel with a colour that is not finite is excluded from all comparisons. The mean would hide this colour, because `Moments::add`
+                // replaces numbers that are not finite.
                 *terrain &= hdr[3] > 0.0 && hdr.iter().chain(texel).all(|value| value.is_finite());
             }
         }
@@ -296,8 +297,8 @@ impl Runner<'_> {
         let file = picture_file(folder, unit);
         let mut output = Writer::create(&file.with_extension(SEQUENCE))?;
         let mut sequences = BTreeMap::new();
-        // For each signal: the number of invalid pixels in all measured frames together. Each set of sample points has such a number; the largest is
-        // kept.
+        // For each signal: the number of invalid pixels, summed over all measured frames. Each set of sample points has its own sum; the largest sum
+        // is kept.
         let mut invalid = vec![0u64; signals.len()];
         let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
         for (index, resolves) in by_sample_points(&definition.temporal)?.into_iter().enumerate() {
@@ -340,7 +341,8 @@ impl Runner<'_> {
                 }
                 Ok(())
             })?;
-            // Only the first resolve of the group is counted: its tracks come first, and the other resolves get the same shaded pixels.
+            // All resolves of a group get the same shaded pixels, so only the first one is counted. Its counts are the first ones in `counted`, one
+            // per signal.
             invalid.iter_mut().zip(&counted).for_each(|(most, &count)| *most = count.max(*most));
             for (changes, histogram) in changes.iter_mut().zip(&histograms) {
                 changes.p95 = quantile(histogram, 0.95);

@@ -3,8 +3,8 @@
 //! The file consists of sections, each compressed with Zstandard. A section contains the sequences of all temporal resolves that have the same sample
 //! points: for each frame, the pictures of these resolves, for all measured signals. A picture has two 32-bit words per pixel
 //! (`kernels::shared::signal`), little-endian. If the lit picture is measured, the last section contains the lit picture of the converged reference,
-//! as two pictures whose words are f32 numbers. The places of the sections are stored with the facts about the reference, not in the file. The store
-//! removes the file when no unfinished sweep needs it.
+//! as two pictures whose words are f32 numbers. The byte offsets of the sections are stored with the facts about the reference, not in the file. The
+//! store removes the file when no unfinished sweep needs it.
 
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};

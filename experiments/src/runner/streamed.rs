@@ -23,8 +23,9 @@ struct Last {
 }
 
 impl Streamed {
-    /// `request` draws frame `frame` of the view `view`. Returns it with the residency of this frame, or unchanged if streaming is not simulated. If
-    /// the last call was for another view or a later frame, streaming starts again with frame 0 of the view.
+    /// Returns `request` with the residency of its frame, which is the set of terrain nodes that have arrived by then. If streaming is not simulated,
+    /// the request is unchanged. `request` must draw frame `frame` of the view `view`. If the last call was for another view or a later frame,
+    /// streaming starts again with frame 0 of the view.
     ///
     /// # Errors
     /// The view does not exist, or the device fails.

@@ -54,7 +54,7 @@ impl Runner<'_> {
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
-        // The streams below are ordered by signal. Streams of the same signal are ordered by variant.
+        // A stream is the sequence of pictures of one variant in one signal. The streams below are ordered by signal, then by variant.
         let signals = definition.measured_signals();
         let reference = match Reference::read(folder, &reference_part, &signals) {
             Ok(reference) => reference,
@@ -154,9 +154,9 @@ impl Runner<'_> {
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
         sheet.finish()?;
 
-        // Bias, variance, clumping and spectrum are measured in pictures of the last frame with different seeds. They are measured only without a
-        // temporal resolve. Only one frame is used, because noise that is bound to the ground appears in other frames again, in other areas of the
-        // picture. The numbers of these frames would therefore not be independent.
+        // Bias, variance, clumping and spectrum are measured in pictures with different seeds, and only without a temporal resolve. All pictures are
+        // of the last frame. Other frames would give no independent numbers: noise that is bound to the ground appears in them again, in other areas
+        // of the picture.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -240,8 +240,9 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. With the first noise, also
-    /// stores a map of the tiles, if the definition has automatic choice (`auto` or `generic`) and a variant is chosen for each tile.
+    /// Computes the cost of each variant under the assumption that all pixels of a tile or patch are shaded in lockstep. Also stores a map of the
+    /// tiles if three conditions hold: the noise is the first one, the definition contains `auto` or `generic`, and these choose a variant for each
+    /// tile, not for each patch.
     #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn costs(
         &mut self,
@@ -389,9 +390,9 @@ impl Runner<'_> {
                 && let Some(mean_square) = errors[i].mean_square()
             {
                 labels.put_mean(rows, name, Signal::Albedo, metrics::BIAS_SQUARED, mark, mean_square)?;
-                // Only estimators whose mean should equal the exact blend are tested; the others differ from it by design. For these others, the test
-                // would also be slow: it draws random signs until enough results are as large as the measured number, so a small p-value takes many
-                // draws.
+                // The test of the bias applies only to estimators whose mean should equal the exact blend. The means of the others differ by design.
+                // Testing these would also be slow: the test draws random signs until enough results are at least as large as the measured number, so
+                // a small p-value takes many draws.
                 if how.estimator.bias().is_none()
                     && labels.definition.measures(metrics::BIAS_SQUARED_P)
                     && let Some(probability) = errors[i].probability()
@@ -399,10 +400,10 @@ impl Runner<'_> {
                     labels.put(rows, name, metrics::BIAS_SQUARED_P, mark, probability, None)?;
                 }
             }
-            // The variance has no standard error. In some noises, a seed shifts the thresholds of all pixels by one amount. If the amounts of the
-            // seeds are similar by chance, the variance is too small at every pixel, and the scatter over pixels or areas does not show this error.
-            // The mean squared error has a standard error, because each picture alone gives an estimate of it.
-            // If every pixel is invalid with one of the seeds, there is no variance.
+            // The variance is stored without a standard error, because the scatter over pixels or areas would underestimate it. In some noises, each
+            // seed shifts the thresholds of all pixels by one common amount. If the amounts of the seeds are similar by chance, the variance is too
+            // small at every pixel. The mean squared error has a standard error, because each picture alone gives an estimate of it. If no pixel is
+            // valid with all seeds, there is no variance.
             if finished[i].terrain > 0.0 {
                 labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, None)?;
             }
@@ -442,9 +443,9 @@ fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
 }
 
 /// Adds the rows of the spectrum of the error, which is the difference in luminance between the picture `now` and the exact blend. The spectrum is
-/// computed from a square at the middle of the picture's lower border. The side of the square is a multiple of 16 pixels and at most
-/// [`SPECTRUM_SIDE`]. The largest such square that contains only terrain is used. If its side is smaller than [`SMALLEST_SIDE`], or if the error is
-/// below 1e-6 at every pixel of the square, no rows are added.
+/// computed from a square at the middle of the picture's lower border. It is the largest such square that shows only terrain and whose side is a
+/// multiple of 16 pixels, at most [`SPECTRUM_SIDE`]. No rows are added if its side is smaller than [`SMALLEST_SIDE`], or if the error is below 1e-6
+/// at every pixel of the square.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

@@ -18,8 +18,9 @@ use crate::unit::{Outcome, Unit};
 type Candidate = (VariantChoice, Estimator, NoiseKind);
 
 /// Returns the candidates of a part, and the index of the candidate by whose times all times are divided. The candidates are the variants of the
-/// definition. All parts of a view with the same setting divide by the same candidate: the first variant with the first estimator and noise. If this
-/// candidate belongs to another part, it is drawn in this part, too, as the last candidate. So the ratios of all these parts can be compared.
+/// definition, with the estimator and noise of the part. The divisor is the first variant with the first estimator and noise of the definition. It is
+/// the same for all parts of a view with the same setting, so their ratios can be compared. If the part has another estimator or noise, the divisor
+/// is added as the last candidate.
 fn candidates(
     definition: &Definition,
     variants: &[(String, VariantChoice)],
@@ -37,7 +38,8 @@ fn candidates(
     Ok((candidates, variants.len()))
 }
 
-/// Returns the numbers whose intervals must become narrow: the ratios of shading times, or the shading time itself if there is only one candidate.
+/// Returns the numbers whose confidence intervals decide when timing ends. They are the ratios of shading times or, if there is only one candidate,
+/// its shading time.
 fn wanted(candidates: usize, base: usize) -> Vec<Wanted<'static>> {
     let over = (candidates > 1).then_some((base, SHADING_PASS));
     (0..candidates).filter(|&i| i != base || over.is_none()).map(|i| Wanted { of: (i, SHADING_PASS), over }).collect()

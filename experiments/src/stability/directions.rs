@@ -21,8 +21,8 @@ const BITS: [u32; 4] = [8, 10, 12, 16];
 /// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for codes whose coordinates are rounded separately. An entry contains the number of
 /// bits of each coordinate, and the error in degrees. The list contains only the published values that were available as quotations.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
-/// With many bits, the mean error approaches a constant divided by `octahedral::half(bits)`. The first constant applies to [`Rounding::Fast`], the
-/// second to [`Rounding::Exact`]. Both are in degrees (docs/stability-lab.md, section 1).
+/// Constants from which the mean error for many bits follows, degrees: the mean error approaches the constant divided by `octahedral::half(bits)`.
+/// The first constant applies to [`Rounding::Fast`], the second to [`Rounding::Exact`] (docs/stability-lab.md, section 1).
 const MEAN: [f64; 2] = [42.79, 39.98];
 /// Largest accepted relative deviation of a mean error from the published value. If no value was published, the deviation is measured from the value
 /// that [`MEAN`] gives.
@@ -74,11 +74,11 @@ impl Rounding {
         angle(octahedral::decode(octahedral::dequantise(self.code(n, bits), bits)), n)
     }
 
-    /// Returns the upper bound of the error, radians. With h = `octahedral::half(bits)`, codes have a distance of 1 / h along each coordinate. On a
-    /// face of the octahedron, a square of four codes is a rhombus, whose longer diagonal is sqrt(6) / h long. With fast rounding, a point is at most
-    /// half this diagonal away from its code. With exact rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two
-    /// equilateral triangles in the rhombus. At the middle of a face, the distance to the centre of the octahedron is 1 / sqrt(3), so a small angle
-    /// is the distance on the face times sqrt(3) (docs/stability-lab.md, section 1).
+    /// Returns the upper bound of the error, radians. Let h be `octahedral::half(bits)`. Neighbouring codes are 1 / h apart along each coordinate. On
+    /// a face of the octahedron, the square between four codes is a rhombus of two equilateral triangles, whose longer diagonal is sqrt(6) / h. Fast
+    /// rounding moves a point by at most half this diagonal. Exact rounding moves it by at most the circumradius of a triangle, which is sqrt(2/3) /
+    /// h. The middle of a face is 1 / sqrt(3) from the centre of the octahedron, so there a small angle is the distance on the face times sqrt(3)
+    /// (docs/stability-lab.md, section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -165,8 +165,8 @@ pub fn octahedral_rows() -> Vec<Row> {
 enum Stored {
     /// An octahedral encoding with 8 + 8 bits and exact rounding. The shading normal has the same number of bits.
     Octahedral,
-    /// The encoding of [`normal_pair`]. If the shading normal is near the normal of the plane, 21 bits store the plane, and 10 bits store the shading
-    /// normal. Otherwise, these are 15 and 16 bits. One bit tells the two forms apart, so a pair has 32 bits.
+    /// The encoding of [`normal_pair`], which stores the normal of the plane and the shading normal in 32 bits. One bit selects one of two forms. If
+    /// the shading normal is near the normal of the plane, the plane has 21 bits and the shading normal 10. Otherwise, they have 15 and 16 bits.
     PlaneFirst,
 }
 
@@ -212,9 +212,10 @@ struct Error {
     relative: [f64; 2],
     /// Error of the mip level that is computed from the longer derivative, levels.
     mip: f64,
-    /// The larger of the two ratios of a relative error to its upper bound. The bound for a derivative d, whose value from the stored plane is d', is
-    /// |d' - d| / |d| <= sin(e) / |cos'|. Here e is the angle between the true and the stored plane, and cos' is the cosine of the angle between the
-    /// stored normal and the ray of the neighbouring pixel. `None` if a cosine was clamped, because the bound does not apply then.
+    /// The ratio of a derivative's relative error to its upper bound; the larger ratio of the two derivatives. The bound is |d' - d| / |d| <= sin(e)
+    /// / |cos'|. Here d is the true derivative, d' the derivative from the stored plane, e the angle between the true and the stored plane, and cos'
+    /// the cosine of the angle between the stored normal and the ray of the neighbouring pixel. `None` if a cosine was clamped, because the bound
+    /// does not apply then.
     of_law: Option<f64>,
 }
 
@@ -274,7 +275,8 @@ pub fn derivative_rows() -> Vec<Row> {
         push("below 85 deg", "p95 error of a derivative, %", 100.0 * relative(errors, 85.0, 0.95), 20.0);
         push("below 85 deg", "p99 error of the mip, levels", mip(errors, 0.0), 0.15);
         push("82.5 to 85 deg", "p99 error of the mip, levels", mip(errors, 82.5), 0.15);
-        // The share is computed in f64 from differences of nearly equal vectors. The limit includes a margin of 1e-6 for their rounding errors.
+        // The limit is the bound itself, which is 1, plus a margin of 1e-6. The margin covers rounding errors, because this f64 computation subtracts
+        // nearly equal vectors.
         push("below 85 deg", "largest share of the law's bound", law(errors), 1.0 + 1e-6);
     }
     for (statistic, share, least) in [("gain in the median", 0.5, 3.0), ("gain in p95", 0.95, 3.0)] {
@@ -287,8 +289,8 @@ pub fn derivative_rows() -> Vec<Row> {
 /// Angles between ray and normal at which the effect of clamping the cosine is reported, degrees.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
-/// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. The mip level is then finer than the plane
-/// requires, by log2(`MIN_COSINE` / cosine) levels.
+/// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. The clamp makes the mip level finer than the
+/// plane requires, by log2(`MIN_COSINE` / c) levels, where c is the cosine of the angle between ray and normal.
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
         // The step to the neighbouring pixel is very short, so the rays of both pixels have practically the same angle to the normal.

@@ -36,7 +36,7 @@ pub struct Extremes {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
-    /// Name of the kernel's probe.
+    /// Name of the probe, which evaluates the kernel for rows of inputs.
     pub kernel: String,
     /// The arguments for which the kernel deviates.
     pub when: String,
@@ -71,7 +71,7 @@ pub struct Axis {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Name of the kernel's probe.
+    /// Name of the probe, which evaluates the kernel for rows of inputs.
     pub kernel: String,
     /// Name of the parameter.
     pub parameter: String,

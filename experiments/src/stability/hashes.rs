@@ -8,19 +8,19 @@ use super::statistics::{Random, coverage_p, normal_bound, sidak};
 
 /// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Index of the lowest bit of a hash that affects a threshold (`hash::to_unit`).
+/// Index of the lowest bit of a hash that affects a threshold, a number in [0, 1) that is computed from the hash (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
-/// Number of low bits in an input word of [`hash::pcg4d`] for which the avalanche is complete: a change of one of these bits changes every bit of a
-/// threshold with a probability of one half. Carries of products only affect higher bits, so the higher input bits change the lowest output bits less
-/// often. Input bit b, from 25 on, never changes the output bits from [`FIRST_BIT`] to b - 17. Each of these output bits changes a threshold by at
-/// most 2^-18.
+/// Number of low bits in an input word of [`hash::pcg4d`] for which the avalanche is complete: flipping one of these bits changes every bit of a
+/// threshold with a probability of one half. Flipping a higher bit changes the lowest output bits less often, because products carry only to higher
+/// bits. For example, input bit b, from 25 on, never changes the output bits from [`FIRST_BIT`] to b - 17. Each of these output bits changes a
+/// threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// Limit for the input bits of a word of [`hash::pcg4d`] from index [`MIXED_BITS`] on. If such a bit changes, each bit in the highest byte of a
-/// threshold changes with a probability that deviates from one half by at most this value.
+/// Limit for the higher input bits of a word of [`hash::pcg4d`], from index [`MIXED_BITS`] on. If such a bit is flipped, each bit in the highest byte
+/// of a threshold changes with a probability p, and |p - 1/2| is at most this value.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at most this
-/// value. Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], which gives the size of the noise's
-/// cells and passes through only one `pcg`. The result of `mix` is then hashed again, by [`hash::pcg4d`].
+/// Limit for a single [`hash::pcg`]. If an input bit is flipped, each output bit changes with a probability p, and |p - 1/2| is at most this value.
+/// Input bit 21 causes the largest deviation. The limit also applies to the third word of [`hash::mix`], the size of the noise's cells, because this
+/// word passes through only one `pcg`. The result of `mix` is then hashed again, by [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
 /// A hash as a function from four words to four words. A hash with fewer input words ignores the other words. A hash with fewer output words returns
@@ -83,11 +83,15 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures two properties of each hash. *Balance* of an output bit: the value is the p-value of the number of hashes in which the bit is 1, over
-/// consecutive numbers or the cells of a lattice (H0: the expected share is one half). *Avalanche* of an input bit: for each output bit that affects
-/// a threshold, the share of random inputs is counted for which flipping the input bit changes the output bit. The value is the largest deviation of
-/// these shares from one half. For some input bits, the avalanche should be complete, so the limit follows from one family of tests with a level of
-/// 0.1 %. For the other input bits, the limits are constants of this module; for [`hash::pcg4d`], only the highest byte is then tested.
+/// Measures two properties of each hash.
+///
+/// *Balance* of an output bit: the bit should be 1 in half of the hashes. The value is the p-value of this hypothesis, over consecutive numbers or
+/// the cells of a lattice.
+///
+/// *Avalanche* of an input bit: flipping it should change each output bit that affects a threshold for half of the inputs. The shares are counted
+/// over random inputs, and the value is the largest deviation of a share from one half. For some input bits, the avalanche should be complete, so the
+/// limit follows from one family of tests with a level of 0.1 %. For the other input bits, the limits are constants of this module; for
+/// [`hash::pcg4d`], only the highest byte is then tested.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {

@@ -13,7 +13,7 @@ use super::extremes::{Case, Extremes};
 /// The result for one kernel, one value of one parameter, one measure of the error (such as an angle), and one device or the reference in f32.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// Name of the probe.
+    /// Name of the probe, which evaluates the kernel for rows of inputs.
     pub kernel: String,
     /// The varied parameter.
     pub parameter: String,

@@ -238,9 +238,9 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
     radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, with 16 pixels per band along each side")[BAND].power
 }
 
-/// Returns the accepted range of a statistic whose recorded value is `value`: 10 % to either side. The ranges of two statistics of white noise of the
-/// screen follow from theory instead. The flip rate is near 3/4, because each frame draws a new choice among four texels. Clumping is near 1, because
-/// pixels are independent.
+/// Returns the accepted range of a statistic whose recorded value is `value`: 10 % to either side. White noise of the screen is an exception, because
+/// theory gives two of its statistics. Its flip rate is near 3/4, because each frame draws a new choice among four texels. Its clumping is near 1,
+/// because pixels are independent.
 pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     match (kind, statistic) {
         (NoiseKind::WhiteScreen, metrics::FLIP_RATE) => [0.747, 0.753],

@@ -1,11 +1,14 @@
-//! Tests whether the thresholds of each kind of noise behave as random numbers, as far as this is intended. Random thresholds are uniform and
-//! independent of neighbouring thresholds. For each tested probability alpha, the share of thresholds below alpha should be alpha (coverage).
+//! Tests whether the thresholds of each kind of noise behave as random numbers, as far as this is intended. A threshold is a number in [0, 1) that
+//! decides a random choice. Random thresholds are uniform and independent of neighbouring thresholds. For each tested probability alpha, the share of
+//! thresholds below alpha should be alpha (coverage).
 //!
 //! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call must be independent. For all kinds,
-//! thresholds of two seeds, and thresholds of two salts, must also be independent. Kinds bound to the ground ([`is_of_ground`]) are also tested with
-//! samples over places, at three distances from the origin. White noise of the screen is also tested with samples over pixels and frames. Apart from
-//! collisions (see below), interleaved gradient noise and the masks are not tested over places. They arrange the thresholds of neighbouring pixels
-//! and frames on purpose, so these thresholds are dependent and far more evenly distributed than random numbers.
+//! thresholds of two seeds, and thresholds of two salts, must also be independent.
+//!
+//! Kinds bound to the ground ([`is_of_ground`]) are also tested with samples over places, at three distances from the origin. White noise of the
+//! screen is also tested with samples over pixels and frames. Interleaved gradient noise and the masks (the two kinds of blue noise) are not, apart
+//! from collisions (see below). They arrange the thresholds of neighbouring pixels and frames on purpose, so these thresholds are dependent and far
+//! more evenly distributed than random numbers.
 //!
 //! The number of collisions (equal thresholds) shows whether all 24 bits of a threshold are random. Collisions are tested for kinds that draw a new
 //! number at each place, and for the masks, which add a random jitter at each pixel. They are not tested for interleaved gradient noise, whose
@@ -20,7 +23,7 @@ use super::{Row, hashes, hold_as_family};
 
 /// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Side of a sector, metres.
+/// Side of a sector (a square with its own local coordinates), metres.
 pub const SECTOR_M: f64 = 64.0;
 /// A distance from the origin along x and y, as text, and the index of a sector at this distance. For noise of the screen, the text is `screen` and
 /// the index has no effect.
@@ -137,8 +140,8 @@ fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
     corner(kind, sector, [1000, 1000], i)
 }
 
-/// Returns a place whose cell at the next finer scale has the same integer coordinates as the cell of `ask` at its own scale. Independent scales must
-/// hash equal coordinates differently.
+/// Returns a place whose cell at the next finer scale has the same integer coordinates as the cell of `ask` at its own scale. A test uses this place
+/// to check that scales are independent, so equal coordinates must be hashed differently at different scales.
 fn next_scale(ask: &Ask) -> Ask {
     let mut finer = *ask;
     for axis in 0..2 {
@@ -181,9 +184,9 @@ fn of_pairs(kind: NoiseKind, view: &str, motion: &str, pairs: &[(f64, f64)]) -> 
         .map(|(statistic, p)| row(kind, view, motion, statistic, p))
 }
 
-/// Returns the distances from the origin at which thresholds of different places are independent random numbers. For kinds bound to the ground, these
-/// are the given distances. White noise of the screen does not depend on the distance, so there is one entry. Interleaved gradient noise and masks
-/// have none.
+/// Returns the distances from the origin at which places are sampled. They are sampled only if the thresholds of different places are independent
+/// random numbers. Kinds bound to the ground are sampled at the given distances. White noise of the screen does not depend on the distance, so there
+/// is one entry. Interleaved gradient noise and masks have none.
 fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     match kind {
         _ if is_of_ground(kind) => origins,
@@ -225,10 +228,10 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
     next
 }
 
-/// Tests whether thresholds change independently if an input changes: the place, the scale (hashed kinds only), the seed or the salt, or seed and
-/// salt by a swap. For noise of the screen, steps along x and y lead to the next pixel, and a step along z leads to the next frame. The samples are
-/// taken over a lattice of cells or pixels. For interleaved gradient noise and masks, they are taken over seeds, and only changes of seed and salt
-/// are tested.
+/// Tests whether thresholds change independently if an input changes. The inputs are the place, the scale (hashed kinds only), the seed and the salt;
+/// in another test, seed and salt are swapped. For noise of the screen, steps along x and y lead to the next pixel, and a step along z leads to the
+/// next frame. The samples are taken over a lattice of cells or pixels. For interleaved gradient noise and masks, they are taken over seeds, and only
+/// changes of seed and salt are tested.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -262,11 +265,12 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     places.iter().map(of_place).collect()
 }
 
-/// Tests the size of cells at both ends of the range of scales. If the footprint is longer than a sector, two places that are 37 sectors apart must
-/// lie in different cells. If the footprint is very small, cells must be as small as the precision of the coordinates allows, and no smaller. At an
-/// elevation of 2000 m, this is a height of 2^-8 m, which is 32 times the spacing of f32 numbers there. At sea level, the cells of anisotropic noise
-/// are 2^-16 m high, the smallest of all sizes. The cells of isotropic noise have the same size along all axes. They are 2^-13 m high, because the
-/// coordinates in a sector reach 64 m. Only kinds that follow the footprint are tested.
+/// Tests the size of cells at both ends of the range of scales. Only kinds that follow the footprint are tested.
+///
+/// If the footprint is longer than a sector, two places that are 37 sectors apart must lie in different cells. If the footprint is very small, cells
+/// must be as small as the precision of the coordinates allows, and no smaller. At an elevation of 2000 m, this is a height of 2^-8 m, which is 32
+/// times the spacing of f32 numbers there. At sea level, the cells of anisotropic noise are 2^-16 m high, the smallest of all sizes. The cells of
+/// isotropic noise have the same size along all axes. They are 2^-13 m high, because the coordinates in a sector reach 64 m.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -286,8 +290,8 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
         // equal.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // Along the elevation, borders between cells lie a third of a cell above multiples of the cell's height. A range of one metre that begins at a
-    // whole number of metres therefore intersects one cell more than the number of cells per metre. Different cells can have equal thresholds by
+    // A metre of elevation should have `cells` + 1 distinct thresholds. Borders between cells lie a third of a cell above multiples of the cell's
+    // height, so a metre that begins at a whole number intersects one cell more than the number of cells per metre. A few thresholds may be equal by
     // chance. Among n random numbers of 24 bits, n² / 2^25 on average repeat an earlier number: 128 of 65 536, with a standard deviation of 11, and
     // 0.002 of 257. The test accepts up to 200 repetitions at sea level, and up to 2 at 2000 m.
     let at_sea: u32 = if kind == NoiseKind::HashedAnisotropic { 1 << 16 } else { 1 << 13 };

@@ -66,8 +66,8 @@ pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 const NOTE_RUN: &str = "scree.run";
-/// Prefix of the names of notes (metadata of a Parquet file) that contain the hash of a file of a reference. The prefix is followed by the
-/// name of the file.
+/// Prefix of the name of a note that contains the hash of a reference's file. A note is an entry of the metadata of a Parquet file. The prefix is
+/// followed by the name of the hashed file.
 const NOTE_FILE: &str = "scree.file.";
 
 /// Number of progress steps into which a part is divided.

@@ -344,9 +344,9 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
     entries.iter().find(inside).or(entries.first()).map(|entry| entry.key_at.clone())
 }
 
-/// Finds the value that caused the reader's error: the value at `span` or, if the span covers a whole table, the value that the message quotes.
-/// Returns the key of this value, and the position of the key; `None` if no value is found. Only messages that begin with `invalid` and quote
-/// something are examined.
+/// Finds the value that caused the reader's error. This is the value at `span` or, if the span covers a whole table, the value that the message
+/// quotes. Returns the key of this value, and the position of the key; `None` if no value is found. The function examines only messages that begin
+/// with `invalid` and quote something.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;
@@ -361,8 +361,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// Adds the number of the line at which `text`, the document, contains the value. If the document omits the value because it has a default,
-    /// `text` contains only the first steps of the path. The line is then that of the last step that `text` contains.
+    /// Returns the problem with the line of the value in `text`, the document. If the document omits the value because it has a default, `text`
+    /// contains only the first steps of the path. The line is then that of the last step that `text` contains.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -1,8 +1,8 @@
 //! Suggestions for misspelled names.
 
-/// The known word with the smallest edit distance to `word`, if this distance is at most a third of the length of the longer word. A distance of 1 is
-/// always accepted if `word` has more than one letter. Upper and lower case count as equal, and so do `-` and `_`. If several known words have the
-/// same distance, the first of them is returned.
+/// Returns the known word with the smallest edit distance to `word`; the first of them if several have this distance. `None` if no known word is
+/// near. A word is near if its distance is at most a third of the length of the longer word. A distance of 1 is always near if `word` has more than
+/// one letter. Upper and lower case count as equal, and so do `-` and `_`.
 pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace('_', "-");
     let wanted = plain(word);

@@ -1,6 +1,6 @@
-// Classification: the variant of a tile is the OR of the masks of its pixels. Each tile with terrain is appended to the list of its variant. List 0
-// holds every terrain tile, for the generic kernel; lists 1..31 hold the tiles of the variants.
-// The entry point, which computes the OR, is in plain.wgsl (workgroup atomics) or in subgroup.wgsl (subgroup operations). The two files
+// Classification: the variant of a tile is the OR of the masks of its pixels, which have one bit for each flavour (way to shade). Each tile with
+// terrain is appended to the list of its variant and to list 0. Lists 1 to 31 belong to the variants. List 0 is for the generic shader, which handles
+// all variants. The entry point, which computes the OR, is in plain.wgsl (workgroup atomics) or in subgroup.wgsl (subgroup operations). The two files
 // compute the same masks.
 
 // Edge length of a tile, pixels. One workgroup per tile, one invocation per pixel.

@@ -1,5 +1,6 @@
-//! Classification: the variant of a tile (8 x 8 pixels; optionally 4 x 4 or 16 x 16) is the OR of the masks of its pixels (ruling 4 in
-//! `ARCHITECTURE.md`). The results are a tile list and indirect arguments for each variant, and for all tiles with terrain.
+//! Classification: finds the shader variant of each tile (8 x 8 pixels; optionally 4 x 4 or 16 x 16). The mask of a pixel has one bit for each
+//! flavour (way to shade) that the pixel needs. The variant of a tile is the OR of the masks of its pixels (ruling 4 in `ARCHITECTURE.md`). The
+//! results are a tile list and indirect arguments for each variant, and for all tiles with terrain.
 //!
 //! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`]. One
 //! workgroup per tile. Source: Moore, GDC 2018, "Terrain Classification Pass".

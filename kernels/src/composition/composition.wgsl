@@ -122,8 +122,8 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         if stream.lit != 0u {
             let surface = LightingSurface(albedo.rgb, albedo.a, octahedral_unit(normal_smoothness.xyz), normal_smoothness.w);
             let radiance = lighting_radiance(surface, normalize(ray));
-            // The encoding would hide a radiance that is not finite, because it maps NaN to 0. Such a radiance is stored unencoded, so that the pixel
-            // becomes invalid.
+            // A radiance that is not finite is stored unencoded, so that the pixel becomes invalid. The display encoding would hide it, because it
+            // maps NaN to 0.
             if usable_within_3(radiance, 3e38) {
                 colour = display_encode(radiance, shown);
             } else {

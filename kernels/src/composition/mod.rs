@@ -4,8 +4,8 @@
 //! from its distance, its normal, the variant and the rules of the scene. So five shading passes and 31 weighted sums replace 31 shading passes. A
 //! composed picture is either the albedo ([`Signal::Albedo`]) or the lit picture as a screen shows it ([`Signal::Lit`]). Lit pictures are computed by
 //! the functions of the stages `lighting` and `display`. Composed albedo equals the albedo of the variant's own shader, except that the albedo of
-//! each flavour is also rounded to f16. Tests compare both signals for all 31 variants. Fetches and first choices are composed, too. Times are not:
-//! they are measured with the pipelines of the variants.
+//! each flavour is also rounded to f16. Tests compare both signals for all 31 variants. The number of fetches and the first random choice of a pixel
+//! are composed, too. Times cannot be composed; they are measured with the pipelines of the variants.
 //!
 //! Reads depth, normals, and the G-buffer + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per
 //! 8 x 8 pixels.
@@ -42,7 +42,7 @@ pub struct CompositionStream {
 }
 
 impl CompositionStream {
-    /// Returns this description, changed so that it describes the picture of `signal`: albedo or lit.
+    /// Returns this description for the kind of picture `signal`, albedo or lit.
     #[must_use]
     pub fn of(self, signal: Signal) -> CompositionStream {
         CompositionStream { lit: u32::from(signal == Signal::Lit), ..self }
@@ -182,7 +182,7 @@ impl Stage for Composition {
 }
 
 impl Composition {
-    /// Returns how the albedo of `variant` is composed; `None` = each pixel has the flavours that it needs.
+    /// Returns the description of the albedo picture of `variant`; `None` = each pixel has the flavours that it needs.
     pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, lit: 0 }
     }

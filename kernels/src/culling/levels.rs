@@ -1,7 +1,7 @@
 //! Levels: the vertex stride of each patch, and the distance between the vertices on each side of a patch.
 //!
 //! The level of a patch is the LOD of its node plus log2 of its vertex stride, so patches of equal level have equally large quads. Where patches of
-//! different levels meet, all of them weld their vertices to the coarsest level, so there are no cracks.
+//! different levels meet, cracks are avoided by welding: all patches move their vertices on the common side to the vertices of the coarsest level.
 //! Source: Moore, GDC 2018, "LOD Transitions", where only nodes differ in level; ruling 8 in `ARCHITECTURE.md`.
 
 use super::{DrawnNode, PATCH_QUADS, PATCHES};
@@ -13,7 +13,7 @@ use crate::world::{Layout, NodeId, SECTORS};
 pub const LOG2_LARGEST_STRIDE: u32 = PATCH_QUADS.ilog2();
 const _: () = assert!(COARSE_STRIDES[COARSE_STRIDES.len() - 1] == PATCH_QUADS);
 
-/// The levels of the patches of drawn nodes. They give the vertex stride of each patch, and the level of each side of a patch.
+/// The levels of the patches of drawn nodes. The vertex stride of each patch, and the level of each side of a patch, follow from them.
 #[derive(Clone, Debug, Default)]
 pub struct Levels {
     /// For each node, the levels of its 8 x 8 patches, row by row from the south-west corner.
@@ -22,7 +22,7 @@ pub struct Levels {
     sectors: Vec<u32>,
 }
 
-/// A side of a patch. The value is the position of the side's delta in the packed deltas, in units of 4 bits.
+/// A side of a patch. Side k has its delta in bits 4 k to 4 k + 3 of the packed deltas ([`Levels::deltas`]).
 #[derive(Clone, Copy)]
 enum Side {
     West,
@@ -46,9 +46,11 @@ impl Side {
 
 impl Levels {
     /// The levels of the patches of `nodes`. `log2_stride` returns log2 of the vertex stride that a patch should have, 0 to 4; its arguments are the
-    /// index of the node, and the column and row of the patch. `log2_least`: log2 of the least stride, 0 to 2. A stride is lowered, but not below the
-    /// least stride, if it could weld the vertices of a finer node over more than one patch of that node. If the least stride does so, too, all
-    /// patches of the finer node have the least stride.
+    /// index of the node, and the column and row of the patch. `log2_least`: log2 of the least stride, 0 to 2.
+    ///
+    /// The quads of a patch should be at most as wide as the patches of a finer node nearby; otherwise, the finer node's vertices would be welded
+    /// over more than one of its patches. So a stride is lowered to meet this limit, but not below the least stride. If a coarse neighbour exceeds
+    /// the limit even with the least stride, all patches of the finer node have the least stride.
     pub fn new(nodes: &[NodeId], log2_least: u8, log2_stride: impl Fn(usize, [u32; 2]) -> u8) -> Levels {
         let side = usize::from(SECTORS);
         let mut levels = Levels { nodes: nodes.iter().map(|&node| (node, Vec::new())).collect(), sectors: vec![0; side * side] };
@@ -69,12 +71,12 @@ impl Levels {
         let coarsest_level = |index: usize, node: NodeId| {
             let least = node.lod + log2_least;
             if ends[index][1] + log2_least > node.lod + log2_quads {
-                // A neighbour is so coarse that vertices of this node are welded over more than one patch. This makes no cracks if all patches of
-                // this node have the same stride.
+                // A neighbour is so coarse that its quads are wider than a patch of this node, even with the least stride. Welding then moves
+                // vertices of this node over more than one patch. There are no cracks if all patches of this node have the same stride.
                 return least;
             }
-            // A side has one level for the patch, for the coarser patch beyond the side, and for all patches along the side of the coarser patch. So
-            // the finest LOD is taken over this node, its neighbours and their neighbours.
+            // The finest LOD is taken over this node, its neighbours and their neighbours. Neighbours of neighbours count, because all patches along
+            // one side of a coarser patch weld their vertices to the same level, and these patches may belong to several nodes.
             let finest = levels.around(node).map(|next| ends[next][0]).fold(ends[index][0], u8::min);
             least.max(finest + log2_quads)
         };
@@ -87,9 +89,9 @@ impl Levels {
         levels
     }
 
-    /// The levels for a view. [`Levels::new`] gets for each patch the largest of the strides 1, 2, 4, 8 and 16 such that this stride and all smaller
-    /// strides move the surface of the patch by at most `error_px` pixels on the screen. With an `error_px` of 0, all patches have the least stride,
-    /// 2^`log2_least`. The shift on the screen is bounded by the error of the patch with this stride ([`PatchBounds::errors_m`]) times
+    /// The levels for a view. Each patch should have the largest of the strides 1, 2, 4, 8 and 16 for which this stride and all smaller ones move the
+    /// surface by at most `error_px` pixels on the screen; [`Levels::new`] adjusts this stride. If `error_px` is 0, all patches have the least
+    /// stride, 2^`log2_least`. The bound on the shift of the surface is the error of the stride in metres ([`PatchBounds::errors_m`]) times
     /// [`View::shift_px_per_m`].
     ///
     /// [`PatchBounds::errors_m`]: crate::quadtree::PatchBounds::errors_m
@@ -118,8 +120,8 @@ impl Levels {
         u32::from(self.level(node, patch).map_or(0, |level| level - node.lod))
     }
 
-    /// The packed deltas of a patch: 4 bits for each side, north << 12 | east << 8 | south << 4 | west. A delta is the level of the side minus the
-    /// LOD of the node. It is 0 if the side has the level of the patch, and for a node that is not drawn.
+    /// The packed deltas of a patch: 4 bits for each side, north << 12 | east << 8 | south << 4 | west. If a side is coarser than the patch, its
+    /// delta is the level of the side minus the LOD of the node. Otherwise, it is 0. All deltas of a node that is not drawn are 0.
     pub fn deltas(&self, node: NodeId, patch: [u32; 2]) -> u32 {
         let Some(own) = self.level(node, patch) else { return 0 };
         let delta = |side| match self.side_level(node, patch, side) {
@@ -141,8 +143,8 @@ impl Levels {
         (*found == node).then(|| levels[(row * PATCHES + column) as usize])
     }
 
-    /// The level of a side: the coarsest level of all patches that meet there. If the neighbour is a coarser node, these are all patches along the
-    /// side of the coarser patch. So every patch at the side gets the same result. `None` = the node is not drawn.
+    /// The level of a side: the coarsest level of all patches that touch this side. If the neighbour is a coarser node, these are the coarser patch
+    /// and all patches along its side, so that all of them get the same result. `None` = the node is not drawn.
     fn side_level(&self, node: NodeId, patch: [u32; 2], side: Side) -> Option<u8> {
         // Positions are measured in patches of LOD 0.
         let edge = 1i64 << node.lod;

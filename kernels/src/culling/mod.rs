@@ -2,9 +2,9 @@
 //!
 //! A patch is dropped if the box around its vertices is outside the frustum, or if its normal cone proves that all its triangles face away from the
 //! camera. The remaining patches are usually sorted by distance, so that the stage `occlusion` can drop those that nearer patches hide. Culling
-//! should change no pixel; tests check this with llvmpipe. On hardware, there may be two rare exceptions. A triangle that faces away and is much
-//! smaller than a pixel can face the camera after the rasteriser rounds its corners. Of two surfaces of equal depth, the one that is drawn first is
-//! seen, so the order of drawing counts.
+//! should change no pixel; tests check this with llvmpipe. On hardware, a pixel may change in two rare cases. First, a triangle that faces away and
+//! is much smaller than a pixel can face the camera after the rasteriser rounds its corners. Second, of two surfaces of equal depth, the one that is
+//! drawn first is seen, and sorting changes the order of drawing.
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions", "Back Face Culling"; rulings 3 and 8 in `ARCHITECTURE.md`.
 //! Reads the drawn nodes and their levels. Writes the patch list. Runs on the CPU.
 
@@ -96,8 +96,9 @@ pub struct Conditions<'a> {
     pub culls: Culls,
 }
 
-/// Encloses the vertices of a patch as the device computes them, in the local coordinates of the view from which patches are culled, metres; the
-/// layout matches `OcclusionBox` in `occlusion/cull.wgsl`. Infinite if stitching may move vertices out of the patch.
+/// Box that encloses the vertices of a patch, metres, with a margin for the rounding of elevations on the device. Its corners are in the local
+/// coordinates of the view from which patches are culled. Infinite if stitching may move vertices out of the patch. The layout matches `OcclusionBox`
+/// in `occlusion/cull.wgsl`.
 #[allow(missing_docs, reason = "low and high corner, and padding")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -139,8 +140,8 @@ pub struct CullCounts {
     pub hidden: usize,
 }
 
-/// Returns those patches of the drawn nodes that may be visible from `eye`. The field `node_origin` of a patch is in the local coordinates of `view`.
-/// The two views are equal unless culling is frozen.
+/// Returns those patches of the drawn nodes that may be visible from `eye`. `view` is the view that is drawn; the field `node_origin` of a patch is
+/// in its local coordinates. The two views differ only if patches are culled from another pose than that of the camera.
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Conditions<'_>) -> Culled {
     let Conditions { layout, levels, rounding_m, culls } = conditions;
@@ -167,7 +168,7 @@ pub fn cull(nodes: &[DrawnNode<'_>], [view, eye]: [&View; 2], conditions: Condit
                 culled.counts.outside += 1;
                 continue;
             }
-            // The cone holds for the triangles of the payload, which stitching and a vertex stride above 1 replace by others.
+            // The normal cone covers only the triangles at vertex stride 1 without stitching.
             if culls.back_faces && deltas == 0 && log2_stride == 0 && faces_away(patch, [corner, opposite], eye) {
                 culled.counts.facing_away += 1;
                 continue;

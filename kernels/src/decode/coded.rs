@@ -86,8 +86,8 @@ mod tests {
             let bytes = file.into_inner();
             let opened = open(Cursor::new(&bytes), format).unwrap_or_else(|fault| panic!("{fault}"));
             assert_eq!((opened.decoder.dimensions(), opened.colours), ((3, 2), Colours::default()), "{format:?}");
-            // All lengths are below 33 bytes, the length of signature and header of a PNG. A PNG that ends inside its pixels can be opened,
-            // because the pixels are decoded later.
+            // A file that ends inside its header must be refused. All lengths are below 33 bytes, the length of signature and header of a PNG. A PNG
+            // that ends inside its pixels can be opened, because the pixels are decoded later.
             for length in [0, 10, 30] {
                 assert!(matches!(open(Cursor::new(&bytes[..length]), format), Err(Fault::Damaged(_))), "{length} bytes of {format:?}");
             }

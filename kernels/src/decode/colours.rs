@@ -37,9 +37,9 @@ pub struct CodePoints {
 }
 
 impl Colours {
-    /// Describes, for a message, the statement about colours that the readers do not apply: code points or an ICC profile, if they are not those
-    /// of sRGB. `None` if there is no such statement. `profile` is the ICC profile of the file. Code points take precedence over a profile (PNG,
-    /// third edition, "Color chunk precedence").
+    /// Describes, for a message, the statement about colours that the readers do not apply; `None` if there is no such statement. It is a statement
+    /// by code points or by an ICC profile, if they are not those of sRGB. `profile` is the ICC profile of the file. Code points take precedence over
+    /// a profile (PNG, third edition, "Color chunk precedence").
     pub fn unapplied(&self, profile: Option<&[u8]>) -> Option<String> {
         match (&self.code_points, profile) {
             (Some(points), _) => (!points.is_srgb).then(|| points.text.clone()),

@@ -185,8 +185,8 @@ pub fn read_within(mut input: impl BufRead + Seek, limits: Limits) -> Result<Vec
     let mut blocks = reader.filter_chunks(false, |_, tile, _| tile.is_largest_resolution_level()).map_err(fault)?;
     let headers = &meta.headers;
     let mut samples: Vec<Vec<Vec<f32>>> = vec![Vec::new(); headers.len()];
-    // For each block in the largest levels of all parts, the crate reads one entry of the table of blocks: the position of the block in the
-    // file. So if no two entries lead to the same block, all blocks are present.
+    // The table of blocks has one entry for each block: its position in the file. The crate reads one entry for each block in the largest levels of
+    // all parts. So if no two entries lead to the same block, all blocks are present.
     let mut known: HashSet<BlockIndex> = HashSet::new();
     while let Some(block) = blocks.read_next_chunk() {
         let block = block.map_err(fault)?;
@@ -273,9 +273,11 @@ fn check(headers: &[Header], limits: Limits) -> Result<(), Fault> {
 /// Refuses a block of DWAA or DWAB whose counters claim more data than its pixels can have. The crate allocates as much memory as
 /// the counters claim.
 ///
-/// Such a block begins with eleven little-endian u64. The elements with the indices 1, 6 and 7 are numbers of bytes after decompression.
-/// The elements 8 and 9 are numbers of 16-bit coefficients. A channel is divided into squares of 8 x 8 pixels, also at the edges of the
-/// block, and a square has at most 64 coefficients. Run-length coding enlarges data by less than a factor of 2.
+/// Such a block begins with eleven little-endian u64. The elements with the indices 1, 6 and 7 are numbers of bytes after decompression. The elements
+/// 8 and 9 are numbers of 16-bit coefficients.
+///
+/// The limit `most` follows from two facts. A channel is divided into squares of 8 x 8 pixels, also at the edges of the block, and a square has at
+/// most 64 coefficients. Run-length coding enlarges data by less than a factor of 2.
 fn check_counters(block: &CompressedBlock, header: &Header) -> Result<(), Fault> {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Ok(());

@@ -7,7 +7,7 @@ struct DisplayUniforms {
     pad_1: u32,
 }
 
-// Reinhard et al. 2002, equation 4, on luminance; the ratios of the channels are kept.
+// Tone curve: Reinhard et al. 2002, equation 4, applied to the luminance. All channels get the same factor, so their ratios are kept.
 fn display_reinhard(radiance: vec3<f32>) -> vec3<f32> {
     let luminance = dot(radiance, vec3<f32>(DISPLAY_RED, DISPLAY_GREEN, DISPLAY_BLUE));
     if luminance <= 0.0 {

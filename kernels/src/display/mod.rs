@@ -1,7 +1,8 @@
 //! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a [`ToneCurve`] maps it to the range of a screen, 0..=1; sRGB encodes it (IEC 61966-2-1). Values
-//! outside this range are clipped. The metrics of the lit picture use the same function (`encode.wgsl`), without the rounding to 8 bits.
+//! The mapping has three steps. The radiance is multiplied by 2^exposure, with the exposure in stops. A [`ToneCurve`] maps the product to the range
+//! of a screen, 0..=1; values outside this range are clipped. The values are then encoded as sRGB (IEC 61966-2-1). The metrics of the lit picture use
+//! the same function (`encode.wgsl`), without the rounding to 8 bits.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
 
@@ -68,8 +69,8 @@ table! {
         /// experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the workbench.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
         /// Curve that maps radiance, after exposure, to the screen. `reinhard`: Reinhard's curve on luminance, with white at 4. `clip`: no curve;
-        /// values above 1 are clipped. It affects the metrics of the lit picture in experiments, but neither metrics of albedo, nor OpenEXR files, nor the differences of A and B in the
-        /// workbench.
+        /// values above 1 are clipped. It affects the metrics of the lit picture in experiments, but neither metrics of albedo, nor OpenEXR files,
+        /// nor the differences of A and B in the workbench.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }
 }

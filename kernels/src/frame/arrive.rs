@@ -28,9 +28,9 @@ impl Renderer<'_> {
         Ok(Arrivals::new(schedule, selection.visited))
     }
 
-    /// Advances simulated streaming by one frame. Returns the residency with which the frame is to be drawn, and the selection of its nodes. The
-    /// nodes that the frame lacks are scheduled, so that they arrive in later frames. A [`RenderRequest`] with this residency can be drawn at least
-    /// until the next call of this method.
+    /// Advances simulated streaming by one frame. Returns the [`Residency`] for this frame's request, which says what nodes may be drawn, and the
+    /// selection of its nodes. Missing nodes are scheduled to arrive in later frames. A [`RenderRequest`] with the returned residency can be drawn at
+    /// least until the next call of this method.
     ///
     /// # Errors
     /// The same errors as [`Renderer::arrivals`].
@@ -47,8 +47,8 @@ impl Renderer<'_> {
     /// Selects the nodes of a request without drawing it.
     fn selection(&mut self, request: &RenderRequest) -> Result<Selection> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
-        // The selection may replace nodes that the last frame used. A frame that reuses the geometry of the last frame would still need these nodes
-        // for its pages and its shading. So the geometry is not reused.
+        // The geometry of the last frame cannot be reused after a selection, because the selection may evict nodes of that frame from the atlases. A
+        // frame with the reused geometry would still need these nodes for its pages and its shading.
         self.drawn = None;
         let eye = self.eye(request);
         self.select_nodes(request, &eye)

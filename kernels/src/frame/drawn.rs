@@ -60,8 +60,8 @@ impl<'f, 'a> Frame<'f, 'a> {
     }
 }
 
-/// The geometry of a view on the device: depth, normals and classification mask. The shading in the targets may belong to a different request, so no
-/// picture can be read.
+/// The geometry of a view on the device: depth, normals and classification mask. It gives no access to pictures, because the shading in the targets
+/// may belong to a different request.
 pub struct DrawnGeometry<'f, 'a> {
     renderer: &'f Renderer<'a>,
     targets: &'f Targets,
@@ -94,9 +94,9 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         &self.targets.geometry
     }
 
-    /// Links each pixel of this frame to the previous frame, which is the frame of the previous call with these `links`. Returns, for each pixel,
-    /// the index of the pixel of the previous frame that showed the same surface point; [`NO_LINK`](crate::motion::NO_LINK) = the pixel shows no
-    /// terrain, the point was not visible in the previous frame, or there was no previous call.
+    /// Returns, for each pixel, the index of the pixel of the previous frame that showed the same surface point. The previous frame is that of the
+    /// previous call with these `links`. [`NO_LINK`](crate::motion::NO_LINK) = the pixel shows no terrain, the point was not visible in the previous
+    /// frame, or there was no previous call.
     ///
     /// # Errors
     /// When `links` are for pictures of a different size or the device fails.
@@ -123,9 +123,10 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         rec.submit()
     }
 
-    /// Composes the picture of each stream of `meter`, and compares it with the stream's pictures of earlier frames and, if the meter has them, with
-    /// the pictures of the reference sequence. `variants` has one entry per stream; `None` = each pixel has the flavours that it needs.
-    /// Returns the sums of each stream, and the device times of the passes.
+    /// Measures this frame for each stream (sequence of pictures) of `meter`. The picture of a stream is composed from `layers`. It is compared with
+    /// the stream's pictures of earlier frames and, if the meter has a reference sequence, with the pictures of that sequence. `variants` gives the
+    /// variant of each stream; `None` = each pixel has the flavours that it needs. Returns the sums of each stream, and the device times of the
+    /// passes.
     ///
     /// # Errors
     /// When the device fails.

@@ -31,11 +31,12 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 }
 
 impl Renderer<'_> {
-    /// Replaces the scene, if the new scene requires the same flavours and differs only in parts that this renderer can change. These parts are name,
-    /// description, light, the rules of the flavours, cameras, paths, and the blend without anisotropy and material contrast. An
-    /// [`editable`](crate::frame::RendererOptions::editable) renderer can also change materials, material contrast, splat rules and strokes. Only the
-    /// nodes, textures and pages that the change affects are rebuilt. Returns whether the renderer now has the given scene; if not, nothing has
-    /// changed.
+    /// Replaces the scene without building a new renderer. Returns whether the renderer now has the given scene; if not, nothing has changed.
+    ///
+    /// The new scene must require the same flavours (shading techniques) as the current one. It may differ in name, description, light, the rules of
+    /// the flavours, cameras, paths, and all parameters of the blend except anisotropy and material contrast. For an
+    /// [`editable`](crate::frame::RendererOptions::editable) renderer, it may also differ in materials, material contrast, splat rules and strokes.
+    /// Only the nodes, textures and pages that the change affects are rebuilt.
     ///
     /// # Errors
     /// When the scene is invalid, its cliffs begin at a slope that the world does not reach, or a texture cannot be loaded. In these cases, nothing
@@ -90,13 +91,14 @@ impl Renderer<'_> {
         textured(scene) != textured(&self.scene)
     }
 
-    /// Replaces the small textures of a [`sketch`](crate::frame::RendererOptions::sketch) with the textures of `palette`, which have the size that
-    /// the scene gives.
+    /// Ends the quick preview ([`sketch`](crate::frame::RendererOptions::sketch)): replaces its small detail textures with those of `palette`, which
+    /// have the size that the scene gives.
     pub fn take_palette(&mut self, palette: Palette) {
         self.replace_materials(false, Some(palette));
     }
 
-    /// Whether the textures are those of a sketch and not those of the scene. False if the renderer is not editable.
+    /// Whether the detail textures are still the small ones of a quick preview ([`sketch`](crate::frame::RendererOptions::sketch)). False if the
+    /// renderer is not editable.
     pub fn is_sketch(&self) -> bool {
         self.palette.as_ref().is_some_and(|palette| palette.arrays.size != self.scene.detail_size)
     }
@@ -125,8 +127,8 @@ impl Renderer<'_> {
         same == *own
     }
 
-    /// Replaces the palette if a new palette is given. Then bakes the nodes that the change affects. `relaid`: whether the placement of materials
-    /// in the world has changed.
+    /// Replaces the palette, if a new one is given, and bakes the affected nodes again. `relaid`: whether materials now lie at other places of the
+    /// world.
     fn replace_materials(&mut self, relaid: bool, palette: Option<Palette>) {
         let mut means = Vec::new();
         let mut looks = Vec::new();
@@ -149,8 +151,8 @@ impl Renderer<'_> {
         let nodes = self.streaming.lay_anew(&self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
         self.edited.nodes += nodes;
         if nodes > 0 {
-            // The geometry pass reads the normal atlas. Its compressed blocks store smoothness and specular occlusion together with the y of the
-            // normal. So a change of the materials can also change the decoded normals slightly, and the pass must run again.
+            // The geometry pass must run again, because it reads the normal atlas. The compressed blocks of this atlas store smoothness and specular
+            // occlusion together with the y of the normal. So a change of the materials can also change the decoded normals slightly.
             self.drawn = None;
         }
     }

@@ -13,15 +13,15 @@ use crate::motion::Links;
 pub struct ReloadReport {
     /// Files whose text changed, by their path in `kernels/src`, in alphabetical order.
     pub files: Vec<String>,
-    /// Names of the stages that were rebuilt, in the order of the frame. The last name is `links` if the pass that links frames uses one of the
-    /// files. Empty if this renderer uses none of the files.
+    /// Names of the stages that were rebuilt, in the order of the frame. The last name is `links` if the reprojection pass of [`Links`] uses one of
+    /// the files. Empty if this renderer uses none of the files.
     pub stages: Vec<&'static str>,
 }
 
 impl Renderer<'_> {
-    /// Rebuilds the stages that use a file whose text differs in `sources`. Later frames use the rebuilt stages. World, nodes and textures stay;
-    /// pages of the virtual texture are rendered again if their shader changed. Existing meters and links ([`Renderer::meter`],
-    /// [`Renderer::links`]) are not rebuilt; those that are made later are compiled from `sources`.
+    /// Rebuilds the stages that use a file whose text differs in `sources`. Later frames use the rebuilt stages. World, nodes and textures stay.
+    /// Pages of the virtual texture are rendered again if their shader changed. Meters and [`Links`] that already exist keep their shaders; those
+    /// that are made later are compiled from `sources`.
     ///
     /// If the shading stage is rebuilt, the shading pipelines of the displayed view are built at once. Other shading pipelines are built when a frame
     /// needs them. If such a later build fails, the frame fails.

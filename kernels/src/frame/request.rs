@@ -56,12 +56,12 @@ pub struct GeometryRequest {
     /// Least vertex stride of all patches: with a stride of n, every n-th vertex along the side of a patch is drawn, see
     /// [`STRIDES`](crate::geometry::STRIDES). The textures of the ground keep their resolution.
     pub vertex_stride: u32,
-    /// The largest distance on the screen, pixels, by which a larger vertex stride may move the surface of a patch. The limit does not hold along
-    /// sides where patches with different vertices meet. 0 = all patches have the stride `vertex_stride`. See
-    /// [`Levels::of`](crate::culling::Levels::of).
+    /// Geometric error: a patch may have a vertex stride above `vertex_stride` if this moves its surface by at most this distance on the screen,
+    /// pixels. Along sides where patches with different vertices meet, the surface may move farther. 0 = all patches have the stride `vertex_stride`.
+    /// See [`Levels::of`](crate::culling::Levels::of).
     pub error_px: f64,
     /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera. With a pose,
-    /// patches that are hidden from it are not removed, because the depth of the picture is that of the camera.
+    /// occlusion culling is off, because the depth buffer belongs to the camera and not to this pose.
     pub culled_from: Option<Pose>,
     /// Which nodes are available for drawing.
     pub residency: Residency,
@@ -71,8 +71,8 @@ pub struct GeometryRequest {
     pub culls: Culls,
 }
 
-/// The parts of a request that decide the results of the geometry pass. If a renderer keeps its scene, two requests with equal keys have the same
-/// depth, mask and normals.
+/// The parts of a request that decide the results of the geometry pass. As long as the scene of a renderer does not change, requests with equal keys
+/// give the same depth, mask and normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryKey {
     /// The view.
@@ -114,8 +114,8 @@ pub struct Outputs {
     pub displayed: bool,
     /// Whether each variant is shaded and timed in a pass of its own. If not, one pass shades all variants, and only its total time is measured.
     pub time_variants: bool,
-    /// Whether the geometry of the last frame is reused instead of drawn again, if its [`GeometryKey`] is the same. This saves time if one view is
-    /// drawn with many seeds or variants.
+    /// Whether the geometry pass is skipped if the last frame has the same [`GeometryKey`]. This saves time if one view is drawn with many seeds or
+    /// variants.
     pub keep_geometry: bool,
 }
 

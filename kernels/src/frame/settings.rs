@@ -29,7 +29,7 @@ const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Optio
 const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
 /// Settings of streaming. They matter for sequences of pictures.
 const STREAMED: Listing = Listing::new("Streaming", &[Home::Definition, Home::Option]);
-/// This listing and the next two are for settings whose values a definition gives as lists: `variants`, `estimators` and `noises`.
+/// Listings of the settings for which an experiment definition gives a list of values: `variants`, `estimators` and `noises`.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
 const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
 const NOISES: Listing = Listing::new("Shading", &[Home::DefinitionList("noises"), Home::Option, Home::Workbench]);

@@ -121,7 +121,8 @@ stages! {
     composition: Composition,
 }
 
-/// Modules of the pass that links frames. This pass is not in the table; it is compiled when [`Links`](crate::motion::Links) or a meter is made.
+/// Modules of the reprojection pass, which finds for each pixel the pixel of the previous frame that shows the same surface point. The pass is not in
+/// the table. It is compiled when [`Links`](crate::motion::Links) or a meter is made.
 pub const FOLLOWING: [&ShaderModule; 1] = [&motion::MODULE];
 
 /// The WGSL files of the stages of the table and of [`FOLLOWING`], each once, in alphabetical order of their paths.

@@ -20,8 +20,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // Position relative to the camera, metres. The fragment shader takes its derivatives, which are small differences. Elevations above sea level
-    // would be too coarse for that: in f32, an elevation of some kilometres is precise only to tenths of a millimetre.
+    // Position relative to the camera, metres. The fragment shader computes the derivatives of this position, which are small differences. Elevations
+    // above sea level would be too coarse for that: in f32, an elevation of some kilometres is precise only to tenths of a millimetre.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,
@@ -39,9 +39,10 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     var drawn = at;
     var in_node = vec2<f32>(index);
     if HAS_EDGE {
-        // A vertex beyond the data is drawn at the nearest point of the data; the atlas stores the height of that point for the vertex. The move
-        // comes after stitching and depends only on the position, so nodes on both sides of a border move their common vertices to the same place.
-        // Triangles beyond the data usually collapse to zero area. Stitching stretches some into the data; they close the gap to a coarser node.
+        // A vertex beyond the data is drawn at the nearest point of the data; the atlas stores the height of that point for the vertex. Nodes on both
+        // sides of a border move their common vertices to the same place, because the move comes after stitching and depends only on the position.
+        // Triangles beyond the data usually collapse to zero area. Stitching can pull vertices of such a triangle into the data; the triangle then
+        // closes the gap to a coarser node.
         drawn = clamp(at, frame.data_low, frame.data_high);
         in_node += (drawn - at) / p.spacing;
     }

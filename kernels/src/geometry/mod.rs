@@ -1,5 +1,5 @@
-//! Geometry pass: draws the visible patches in phases, with one indirect draw for each phase and vertex stride. Writes depth, stencil, classification
-//! mask and two normals.
+//! Geometry pass: draws the visible patches in phases, between which occlusion culling drops hidden patches. Each phase has one indirect draw per
+//! vertex stride. Writes depth, stencil, classification mask and two normals.
 //!
 //! Reads the patch list and its order, the edge of the data, and the atlases of height, normal and albedo (holes). Writes depth (reversed f32,
 //! `near / distance`), stencil (1 = terrain), mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane).
@@ -278,8 +278,9 @@ const ORDER_STEP: u32 = 64;
 /// then takes longer with the camera `ground`, because each further phase builds a depth pyramid and loads the targets again.
 const PHASE_ENDS: [f64; 1] = [0.25];
 
-/// Divides patches into phases. `ends`: the wanted ends of all phases except the last, as shares of the patches. An end is skipped if fewer than
-/// [`LEAST_OF_PHASE`] patches would follow it. There is always at least one phase; without patches, it is empty.
+/// Divides `count` patches into phases, given as ranges of patch indices. `ends`: the wanted ends of all phases except the last, as shares of
+/// `count`. An end is skipped if fewer than [`LEAST_OF_PHASE`] patches would follow it. There is always at least one phase; without patches, it is
+/// empty.
 fn phases(count: u32, ends: &[f64]) -> Vec<Range<u32>> {
     let mut phases = Vec::new();
     let mut start = 0;
@@ -346,8 +347,7 @@ pub struct PatchList {
     patches: wgpu::Buffer,
     /// The boxes of the patches ([`PatchBox`]).
     pub boxes: wgpu::Buffer,
-    /// For each patch of a phase after the first, whether occlusion culling lets it be drawn. The entries of the patches of the first phase are not
-    /// used.
+    /// For each patch, whether occlusion culling found it visible. The entries of the first phase are not used, because all its patches are drawn.
     pub shown: wgpu::Buffer,
     /// The indices of the patches in the order of drawing, see [`Batch::order`].
     pub order: wgpu::Buffer,

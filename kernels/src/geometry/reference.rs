@@ -5,9 +5,8 @@ use glam::{DVec2, DVec3};
 
 use crate::world::{NodeId, World};
 
-/// Moves a vertex along a side of its patch. `index`: index of the vertex in its node, along the side, 0..=128. The mesh at the side is `delta`
-/// levels coarser than the vertices of the node, so it has a vertex at every 2^`delta`-th index. Returns the nearest of these indices; the lower
-/// index if two are equally near.
+/// Moves a vertex along a side of its patch to the nearest vertex of a coarser mesh. `index`: index of the vertex in its node, along the side,
+/// 0..=128. The coarser mesh has a vertex at every 2^`delta`-th index. Returns the nearest of these indices; the lower index if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;

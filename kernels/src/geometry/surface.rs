@@ -42,8 +42,8 @@ impl Surface<'_> {
     pub fn triangle_at(&self, at: DVec2) -> Option<[DVec3; 3]> {
         let [east, north] = self.world.extent_m().map(|extent| extent / 2.0);
         let node = self.node_at(at).filter(|_| at.x.abs() <= east && at.y.abs() <= north)?;
-        // The position lies in exactly one triangle, or on a common edge. Because of rounding, it may lie slightly outside all of them. So the
-        // triangle is taken in which it lies farthest inside.
+        // The position lies in exactly one triangle, or on a common edge. With rounding, it may seem to lie slightly outside all triangles. So the
+        // triangle in which the position lies farthest inside is taken (`inside_m`).
         let places = |triangle: &NodeTriangle| triangle.corners.map(|corner| place(self.world, node, corner));
         let triangles = triangles_near(node, self.world.layout(), self.levels, at);
         let inside = triangles.into_iter().map(|triangle| (inside_m(places(&triangle), at), triangle));
@@ -64,9 +64,9 @@ impl Surface<'_> {
     }
 }
 
-/// Returns the triangles of a node near a position: those of the quads next to the position. If the position is next to a side of a patch, the
-/// triangles of all quads along that side are included, because stitching moves vertices along sides. If stitching moves vertices out of a patch, all
-/// triangles of the patch are included. Some triangles farther away are included, too, such as those in the corners of a patch.
+/// Returns the triangles of a node that may contain a position; some of them are farther away. They are the triangles of the quads next to the
+/// position. Stitching moves vertices along the sides of patches, so for a position next to a side, the triangles of all quads along that side are
+/// included. If stitching moves vertices out of a patch, all triangles of the patch are included.
 pub fn triangles_near(node: NodeId, layout: &Layout, levels: &Levels, at: DVec2) -> Vec<NodeTriangle> {
     let at = (at - node.origin_m(layout)) / layout.spacing_m(node.lod);
     let mut triangles = Vec::new();
@@ -171,7 +171,7 @@ mod tests {
         let edge = layout.node_m(0);
         let mut differs = 0.0f64;
         for i in 0..300 {
-            // With `every_vertex`, nothing is stitched in the middle of the node.
+            // With `every_vertex`, nothing is stitched in the middle of the node, so the height is that of the mesh with all vertices.
             let at = corner + DVec2::new(0.25 + 0.5 * unit(i, 1), 0.25 + 0.5 * unit(i, 2)) * edge;
             let found = surface(&every_vertex).height_m(at.x, at.y).expect("ground");
             assert!((found - world.surface_height_m(at.x, at.y)).abs() < 1e-9, "{found} at {at}");

@@ -17,8 +17,8 @@ pub struct Recording<'a> {
 }
 
 impl<'a> Recording<'a> {
-    /// Begins a frame. `groups` are the bind groups that stages share. Each pass states how many of them it binds, from index 0: its argument
-    /// `shared`.
+    /// Begins a frame. `groups` are the bind groups that stages share. A pass binds the first few of them, from index 0; its argument `shared` is
+    /// their number.
     pub fn new(gpu: &'a Gpu, groups: &'a [&'a wgpu::BindGroup]) -> Recording<'a> {
         Recording { gpu, encoder: gpu.encoder("frame"), timer: Timer::new(gpu), groups }
     }

@@ -85,8 +85,8 @@ impl Shader {
 }
 
 impl Gpu {
-    /// Runs `make` in error scopes. Returns its result and, in one line, a validation or internal error that it caused, if any. [`Gpu::check`] does
-    /// not report such errors. Errors of other threads, out-of-memory errors and the loss of the device are not captured.
+    /// Runs `make` and captures a validation or internal error that it causes. Returns the result of `make`, and the error in one line, if any.
+    /// [`Gpu::check`] does not report captured errors. Errors of other threads, out-of-memory errors and the loss of the device are not captured.
     pub(crate) fn caught<T>(&self, make: impl FnOnce() -> T) -> (T, Option<String>) {
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);

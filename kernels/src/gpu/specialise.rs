@@ -66,8 +66,8 @@ impl Globals {
         let mut computed = Vec::new();
         gather(&body, &mut computed);
         computed.sort_unstable();
-        // A name keeps its expression in the module. So an expression loses its name if no remaining statement computes it. Expressions that need no
-        // statement, such as constants and arguments, keep their names.
+        // `compact` keeps every expression that has a name. So the names of expressions that no remaining statement computes are removed. Expressions
+        // that need no statement, such as constants and arguments, keep their names.
         let is_computed = |handle: Handle<Expression>| computed.binary_search(&handle).is_ok();
         let expressions = &function.expressions;
         function.named_expressions.retain(|&handle, _| expressions[handle].needs_pre_emit() || is_computed(handle));

@@ -81,8 +81,8 @@ impl Timer {
     /// The times, in the order of the passes; call it after the commands were submitted. The times of passes of the same name are added.
     ///
     /// # Errors
-    /// When the device is lost or reported an error, or when there were more passes than the timer holds. In the last case, no times are returned,
-    /// because callers could not see that the list is incomplete.
+    /// When the device is lost or reported an error, or when there were more passes than the timer holds. The times of the passes that fit are not
+    /// returned then, because callers could not see that the list is incomplete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());

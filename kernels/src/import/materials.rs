@@ -36,8 +36,8 @@ const LONGEST_NAME: usize = 80;
 const MAX_TILE_M: f64 = 1.0e5;
 /// Edge to which a survey resamples all maps, texels. A survey only compares normals with the slopes of heights, so small maps are enough.
 const SURVEY_SIZE: u32 = 128;
-/// Normals and slopes agree if their correlation is above this number, and contradict each other if it is below minus this number. Scanned
-/// materials usually have correlations of 0.1 to 0.9.
+/// Threshold for the correlation between normals and the slopes of heights. They agree if it is above this number, and contradict each other if it is
+/// below minus this number. Scanned materials usually have correlations of 0.1 to 0.9.
 const CORRELATED: f64 = 0.3;
 
 /// Names of folders that say nothing about the material in them.

@@ -19,9 +19,8 @@ use crate::world::{Layout, World};
 /// vertices near the holes are tested against all circles.
 const MAX_HOLES: usize = 512;
 
-/// Radius of the hole at a sample without data, as a multiple of the distance between samples. The radius is above half the diagonal of
-/// a square of samples (0.707), so there is no ground between neighbouring holes, and below 1, so the neighbouring samples with data
-/// lie outside the hole.
+/// Radius of the hole at a sample without data, as a multiple of the distance between samples. It is above 0.707, half the diagonal of a square of
+/// samples, so that there is no ground between neighbouring holes. It is below 1, so that the neighbouring samples with data lie outside the hole.
 const HOLE_RADIUS: f64 = 0.75;
 
 /// Largest number of characters in the name of a scene. Scene files have the same limit.

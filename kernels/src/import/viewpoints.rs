@@ -192,8 +192,8 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Six octaves of distance, from 5 to 320 m; the first also holds distances of 4 to 5 m. The score of an octave grows with the number of rays
-        // that hit a wall in it, up to a ninth of all rays.
+        // The distances from 5 to 320 m form six octaves; the first also includes distances of 4 to 5 m. The score of an octave grows with the number
+        // of rays that hit a wall in it. From a ninth of all rays on, it does not grow further.
         let mut bins = [0.0f64; 6];
         let hits = fan(world, *pose, 11, 6, 320.0);
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / hits.len() as f64;

@@ -14,8 +14,9 @@ fn lighting_sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return max(mix(frame.sky_horizon, frame.sky_zenith, direction.z), vec3<f32>(0.0));
 }
 
-// Irradiance of the sky: the integral of radiance times cosine over the hemisphere around the normal. The radiance of the sky is a + b z, where z is
-// the z component of the direction. The integral is then pi (a + 2/3 b normal.z). The formula is exact only if a + b z is nowhere below 0.
+// Irradiance of the sky: the integral of radiance times cosine over the hemisphere around the normal. The radiance of the sky is a + b z: a is the
+// radiance at the horizon, b is the radiance at the zenith minus a, and z is the z component of the direction. The integral is then pi (a + 2/3 b
+// normal.z). The formula is exact only if a + b z is nowhere below 0.
 fn lighting_sky_irradiance(normal: vec3<f32>) -> vec3<f32> {
     return max(BRDF_PI * (frame.sky_horizon + (2.0 / 3.0) * (frame.sky_zenith - frame.sky_horizon) * normal.z), vec3<f32>(0.0));
 }

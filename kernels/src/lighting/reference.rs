@@ -38,10 +38,11 @@ pub fn sky_radiance<T: Real>(light: &Light<T>, direction: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| (light.horizon[k] + (light.zenith[k] - light.horizon[k]) * direction[2]).max(T::zero()))
 }
 
-/// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. Let the radiance be a + b z,
-/// where z is the z component of the direction. The integral is then pi (a + 2/3 b `normal[2]`), because the coefficients of the cosine lobe in
-/// spherical harmonics of the orders 0 and 1 are pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001, *An Efficient Representation for Irradiance
-/// Environment Maps*, equation 8). If a + b z is below 0 in a part of the hemisphere, the result is too small. A result below 0 is replaced by 0.
+/// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. The radiance is a + b z: a is the
+/// radiance at the horizon, b is the radiance at the zenith minus a, and z is the z component of the direction. The integral is then pi (a + 2/3 b
+/// `normal[2]`). The factors pi and 2 pi / 3 are the coefficients of the cosine lobe in spherical harmonics of the orders 0 and 1 (Ramamoorthi and
+/// Hanrahan 2001, *An Efficient Representation for Irradiance Environment Maps*, equation 8). If a + b z is below 0 in a part of the hemisphere, the
+/// result is too small. A result below 0 is replaced by 0.
 pub fn sky_irradiance<T: Real>(light: &Light<T>, normal: [T; 3]) -> [T; 3] {
     let two_thirds = T::of(2.0 / 3.0);
     let pi = T::of(std::f64::consts::PI);
@@ -126,8 +127,8 @@ mod tests {
         let ambient = sky_irradiance(&LIGHT, surface.normal);
         for k in 0..3 {
             let received = LIGHT.sun_irradiance[k] * 0.8 + ambient[k];
-            // Diffuse and specular light of the sun share the received light by the Fresnel reflectance. The specular light of the sky is added to
-            // its full diffuse light, so the total can exceed the received light by a few per cent.
+            // For the sun, the Fresnel reflectance divides the received light between diffuse and specular reflection. For the sky, specular light is
+            // added to diffuse light that is not reduced. The total may therefore exceed the received light, but only by a few per cent.
             assert!(out[k] > 0.9 * received && out[k] < 1.06 * received, "{k}: {} of {received}", out[k]);
         }
     }

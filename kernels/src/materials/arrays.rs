@@ -107,7 +107,7 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
     CompressedLayers { albedo, normal, height }
 }
 
-/// Weights with which the compression of the albedo array counts errors in red, green and blue.
+/// Weights of errors in red, green and blue when the albedo array is compressed.
 const ALBEDO: [f32; 3] = [1.0, 1.0, 1.0];
 /// The same weights for the normal array: errors of the normal (green) are more visible than errors of smoothness (red), and errors of smoothness are
 /// more visible than errors of occlusion (blue).

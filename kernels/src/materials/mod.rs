@@ -345,9 +345,9 @@ impl Palette {
 /// The colour towards which the mean colours of materials are moved: 18 % grey, the middle grey of photographic metering.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. The wanted mean of each channel is limited to
-/// the range from 0.005 to 0.95. All texels of a channel are multiplied by the same factor, so that the relative contrast inside a texture does not
-/// change. Products above 1 are then set to 1.
+/// Multiplies the distance of the mean colour of `maps` from middle grey by `contrast`. The wanted mean of each channel is limited to the range from
+/// 0.005 to 0.95. All texels of a channel are multiplied by the same factor, so that the relative contrast inside a texture does not change. Products
+/// above 1 are then set to 1.
 fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     if (contrast - 1.0).abs() < f64::EPSILON {
         return;

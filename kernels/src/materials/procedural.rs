@@ -96,8 +96,8 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
             *out = [-gx * inverse, -gy * inverse];
         }
     });
-    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depths below the mean heights within two radii.
-    // Each depth is divided by its radius.
+    // A texel below its surroundings receives less light from the sky. So its occlusion is computed from its depths below two mean heights, one
+    // within a small and one within a large radius. Each depth is divided by its radius.
     let near = height.blur(0.008);
     let wide = height.blur(0.03);
     let specular_occlusion = bench.par(|i| {
@@ -268,7 +268,7 @@ struct Cells {
     from: Vec<[f32; 2]>,
 }
 
-/// The edge length of the maps in texels, and the seed of a recipe.
+/// The inputs of a recipe: the edge length of the maps in texels, and the seed.
 struct Bench {
     n: usize,
     seed: u32,

@@ -1,9 +1,9 @@
 //! Statistics of surface points over frames, for live views of noise and flicker.
 //!
-//! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame earlier. [`Followed`] carries
-//! running moments along the links. The moments are exponential averages over a window of n frames: a new frame has the weight 1/n, and a new
-//! difference between two frames has the weight 1/(n - 1). While a point has been visible in fewer than n frames, all these frames have the same
-//! weight. If a point was not visible one frame earlier, its statistics start again.
+//! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame earlier. [`Followed`] takes the
+//! moments (mean, variance and others) from that pixel and adds the new frame. The moments are exponential averages over a window of n frames: a new
+//! frame has the weight 1/n, and a new difference between two frames has the weight 1/(n - 1). While a point has been visible in fewer than n frames,
+//! all these frames have the same weight. If a point was not visible one frame earlier, its statistics start again.
 
 use rayon::prelude::*;
 
@@ -299,10 +299,11 @@ mod tests {
         }
         let all = followed.summary([0, 0], [200, 200]).expect("terrain");
         // Luminance is uniform in 0..1, so its variance is 1/12. The measured variance is smaller by the factor 31/32, because deviations are taken
-        // from the mean of the 32 frames. The mean absolute difference of two uniform numbers is 1/3. Each tolerance is six standard errors of a mean
-        // over 40 000 pixels and over 32 frames or 31 differences. For the standard errors: a squared deviation has the standard deviation 0.0745, an
-        // absolute difference has 0.236. The factors 1.2 and 1.5 are margins: the deviations of a pixel are taken from one mean, and successive
-        // differences share a frame, so neither the deviations nor the differences are independent.
+        // from the mean of the 32 frames. The mean absolute difference of two uniform numbers is 1/3.
+        // Each tolerance is six standard errors: 6 times the standard deviation of one term, divided by the root of the number of terms. The variance
+        // has 40 000 x 32 terms, squared deviations with the standard deviation 0.0745. The flicker has 40 000 x 31 terms, absolute differences with
+        // the standard deviation 0.236. The factors 1.2 and 1.5 are margins, because the terms of a pixel are not independent: its deviations share a
+        // mean, and successive differences share a frame.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
         // The mean error of a block is close to normally distributed. Its square, divided by the expected square, therefore has the standard

@@ -1,8 +1,9 @@
-// A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames.
-// It writes sums and histograms, which the host reads back in each frame, and remembered errors (`measure_remember`), which the host reads back only
-// when it needs them. The picture is divided into blocks of 64 x 8 pixels, and each block into 8 parts: part i has the columns i, i + 8, ... of its
-// block. One invocation sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read neighbouring
-// pixels at the same time, so they share cache lines.
+// This pass compares the current picture of a stream (the pictures of one way to shade) with its pictures of up to 4 earlier frames. It writes sums
+// and histograms, which the host reads back in each frame, and remembered errors (`measure_remember`), which the host reads back only when it needs
+// them.
+// The picture is divided into blocks of 64 x 8 pixels, and each block into 8 parts: part i has the columns i, i + 8, ... of its block. One invocation
+// sums a part, so no barrier is needed, and the order of the additions is fixed. Neighbouring invocations read neighbouring pixels at the same time,
+// so they share cache lines.
 
 struct MeasureFrame {
     size: vec2<u32>,

@@ -1,13 +1,15 @@
 //! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
-//! A *stream* is the pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]), followed over time. A ring
-//! buffer holds its last five pictures, two words per pixel (`shared::signal`). In each frame, [`Motion`] links each pixel to the pixel that showed
-//! the same surface point one frame earlier, if there is one. For a quarter of the pixels, it also finds the pixels that showed their points 2 to 4
-//! frames earlier. Then the current picture of each stream is compared with the earlier pictures of the stream. Sums and histograms are read back in
-//! each frame, pictures and remembered errors only on request. Memory does not grow with the number of frames.
+//! A *stream* is the sequence of pictures of one way to shade (variant, estimator, noise, resolve), as albedo or lit ([`Track`]). A ring buffer holds
+//! its last five pictures, two words per pixel (`shared::signal`).
 //!
-//! If the meter also gets the pictures of the reference sequence ([`Meter::write_reference`]), it compares how the stream and the reference change.
-//! It then also keeps the remembered error of each surface point: the exponential mean of its error over time, which models the eye
+//! In each frame, [`Motion`] links each pixel to the pixel that showed the same surface point one frame earlier, if there is one. A quarter of the
+//! pixels are also linked to pixels 2 to 4 frames earlier. The meter then compares the current picture of each stream with its earlier pictures,
+//! along the links. Sums and histograms are read back in each frame, pictures and remembered errors only on request. The size of the buffers does not
+//! depend on the number of frames.
+//!
+//! The meter can also get the pictures of a reference sequence ([`Meter::write_reference`]). It then compares how the stream and the reference
+//! change, and keeps the *remembered error* of each surface point: the exponential mean of its error over time, which models the eye
 //! ([`Meter::memory`], [`perceived`]).
 //!
 //! The formulas are in METHODOLOGY.md; `reference` computes the sums in f64.
@@ -61,7 +63,7 @@ fn blocks(size: [u32; 2]) -> [u32; 2] {
     [size[0].div_ceil(64), size[1].div_ceil(8)]
 }
 
-/// Number of parts of a picture: 8 per block.
+/// Number of parts of a picture, 8 per block. A part is the set of pixels that one invocation sums.
 fn parts(size: [u32; 2]) -> u32 {
     let [across, down] = blocks(size);
     8 * across * down
@@ -191,7 +193,7 @@ pub struct FrameSums {
     pub terrain: u64,
     /// Number of terrain pixels whose colour is not finite.
     pub invalid: u64,
-    /// Number of fetches of the pixels that `terrain` counts.
+    /// Number of texture fetches in the pixels that `terrain` counts.
     pub fetches: u64,
     /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
@@ -283,7 +285,7 @@ pub struct Track {
     pub resolve: Resolve,
 }
 
-/// The pictures of one way to shade, followed over time.
+/// The buffers of one stream: the pictures of one way to shade, and what is measured on them.
 pub struct Stream {
     /// The ring of shaded pictures, before any resolve.
     pub signal: wgpu::Buffer,
@@ -318,7 +320,7 @@ pub struct Meter {
     pub streams: Vec<Stream>,
     /// For each signal, the ring of the pictures of the reference sequence.
     references: [wgpu::Buffer; 2],
-    /// For each signal, the number of frames before this one, without a gap, whose reference pictures were written.
+    /// For each signal, the number of consecutive frames directly before this one whose reference pictures were written.
     referenced: [u32; 2],
     /// For each signal, whether the reference picture of this frame was written.
     written: [bool; 2],
@@ -405,8 +407,7 @@ impl Meter {
         })
     }
 
-    /// Offsets in the ring buffers, pixels: of the picture of this frame, and of the pictures of the earlier frames. Also the quarter of the rows
-    /// that this frame uses.
+    /// Where the pictures of this frame and of the earlier frames begin in the ring buffers, and which quarter of the rows this frame uses.
     pub fn slots(&self) -> Slots {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
@@ -501,7 +502,7 @@ impl Meter {
     }
 
     /// Writes the picture of the reference sequence for this frame and a signal. Without this call, the frame has no residuals for the signal, and
-    /// later frames have residuals only at lags that lead to frames after this one.
+    /// later frames have no residuals relative to this frame or to frames before it.
     pub fn write_reference(&mut self, gpu: &Gpu, signal: Signal, picture: &[[u32; 2]]) {
         gpu.queue.write_buffer(&self.references[signal as usize], u64::from(self.slots().now) * 8, cast_slice(picture));
         self.written[signal as usize] = true;

@@ -5,11 +5,14 @@
 //! [`Viewing::adaptation`] (larger in the first frames of a surface point, see `measure_remember`). In space, the eye is modelled by the difference
 //! of two Gaussians, so that an error that is the same everywhere does not count. Perceived noise is the root mean square of the result.
 //!
-//! Tests check these closed forms: an error that is fixed to the surface is only filtered in space, because its mean over time is the error itself.
-//! After many frames, the temporal mean has multiplied the root mean square of errors that are independent from frame to frame by sqrt(a / (2 - a)).
-//! Far from borders, the spatial filter multiplies the root mean square of errors that are independent from pixel to pixel by its [`norm`].
-//! Source: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*); Korac et al.
-//! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) filter an error jointly over space and time, too.
+//! Tests check these closed forms:
+//!
+//! - An error that is fixed to the surface is only filtered in space, because its mean over time is the error itself.
+//! - If errors are independent from frame to frame, the temporal mean multiplies their root mean square by sqrt(a / (2 - a)), after many frames.
+//! - If errors are independent from pixel to pixel, the spatial filter multiplies their root mean square by its [`norm`], far from borders.
+//!
+//! Sources: the form of the temporal part follows the first-order response of Kelly 1961 (*Visual Responses to Time-Dependent Stimuli*). Korac et al.
+//! 2023 (*Perceptual error optimization for Monte Carlo animation rendering*) also filter an error jointly over space and time.
 
 use rayon::prelude::*;
 

@@ -150,8 +150,8 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
     sums
 }
 
-/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: the bias of their mean, and their variance over the seeds. Pixels
-/// that are not terrain, or invalid, in one of the pictures or in `exact` are left out.
+/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: the bias of their mean, and their variance over the seeds. A
+/// pixel is left out if it is not terrain, or invalid, in one of the pictures or in `exact`.
 pub fn finish(pictures: &[Vec<[u32; 2]>], exact: &[[u32; 2]]) -> VarianceSums {
     let mut sums = VarianceSums::default();
     let n = pictures.len() as f64;

@@ -89,7 +89,7 @@ pub struct VarianceSums {
 pub struct SeedStream {
     /// The picture of the current seed.
     pub signal: wgpu::Buffer,
-    /// The exact blend.
+    /// The picture of the exact blend, which makes no random choices.
     pub exact: wgpu::Buffer,
     moments: wgpu::Buffer,
     tiles: wgpu::Buffer,

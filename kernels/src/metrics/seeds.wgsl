@@ -15,7 +15,7 @@ struct SeedFrame {
 
 @group(0) @binding(0) var<uniform> seeds: SeedFrame;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
-// The exact blend. Apart from invalid pixels, it has terrain at the same pixels as `signal`.
+// The picture of the exact blend, which makes no random choices. Apart from invalid pixels, it has terrain at the same pixels as `signal`.
 @group(1) @binding(1) var<storage, read> exact: array<vec2<u32>>;
 // Running moments: three states per pixel, one for each channel, see moments.wgsl.
 @group(1) @binding(2) var<storage, read_write> moments: array<vec4<f32>>;
@@ -25,8 +25,9 @@ struct SeedFrame {
 // Per block: square of the mean error in luminance, mean square of the error, 1. All three are 0 if the block is not all terrain.
 @group(1) @binding(4) var<storage, read_write> blocks: array<vec4<f32>>;
 
-// In the first state of a pixel, a sum of squares below this number means: the pixel was not terrain, or its colour was invalid, with at least one seed.
-// Its moments lack this seed, so they are not used. The number is far below every sum, so later samples do not lift the mark above it.
+// Limit that marks pixels to be left out: those that were not terrain, or had an invalid colour, with at least one seed. A pixel is marked by a sum
+// of squares (z) below this limit in its first state. Unmarked sums are at least 0. Later samples cannot lift a marked sum above the limit, because
+// what they add is far smaller.
 const SEEDS_LEFT_OUT: f32 = -1e38;
 
 @compute @workgroup_size(64)

@@ -1,4 +1,4 @@
-//! Links between the pictures of one sequence, read back after each frame.
+//! Links each pixel to the pixel that showed the same surface point one frame earlier, and reads the links back.
 
 use super::{Motion, Slots};
 use crate::base::error::Result;
@@ -29,10 +29,9 @@ impl Links {
         self.size
     }
 
-    /// Links each pixel of a picture to a pixel of the earlier picture, which is the picture of the previous call. `frame` is the bind group of the
-    /// uniforms of the frame, `geometry` is the geometry of the picture, and `now` is its view. Returns, for each pixel, the index of the pixel of
-    /// the earlier picture that showed the same surface point; [`NO_LINK`](super::NO_LINK) = the point was not visible in the earlier picture. Waits
-    /// for the device.
+    /// Returns, for each pixel, the index of the pixel that showed the same surface point in the picture of the previous call;
+    /// [`NO_LINK`](super::NO_LINK) = the point was not visible there. `frame`: the bind group of the uniforms of the frame. `geometry`: the results
+    /// of the geometry pass. `now`: the view of the picture. Waits for the device.
     ///
     /// # Errors
     /// When the device is lost or reported an error.

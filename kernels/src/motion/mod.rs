@@ -1,9 +1,11 @@
 //! Motion: links from each pixel to the pixels that showed the same surface point 1 to 4 frames earlier.
 //!
-//! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, links, and, if a
-//! resolve needs it, the exact position of each point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the
-//! linked pixel, or [`NO_LINK`] if there is none: if the pixel shows sky, or the point was hidden, outside the picture or behind the camera. At lags
-//! 2 to 4, only a quarter of the rows is linked; the quarter changes from frame to frame. Dispatch: one workgroup per 32 x 8 pixels.
+//! A link holds, for one pixel and one lag (number of frames), the index of the linked pixel. It is [`NO_LINK`] if the pixel shows sky, or if the
+//! point was hidden, outside the picture or behind the camera. At lags 2 to 4, only a quarter of the rows is linked; the quarter changes from frame
+//! to frame.
+//!
+//! Reads depth, triangle normals, and the distances of the surface points in earlier frames. Writes the distances in this frame, the links, and, if a
+//! temporal resolve needs it, the exact position of each point one frame earlier. Dispatch: one workgroup per 32 x 8 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -24,25 +26,27 @@ pub use links::Links;
 
 /// Number of earlier frames with which a frame is compared.
 pub const LAGS: usize = 4;
-/// Number of pictures in a ring: a frame and the frames with which it is compared.
+/// Number of pictures in a ring buffer: a frame and the earlier frames with which it is compared.
 pub const SLOTS: u32 = 5;
 /// The value of a link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
-/// Largest relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
-/// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the earlier position of the point. If the point was
-/// visible, the two depths usually differ only slightly: the stored normal is quantised (an error of at most 0.64 degrees, or 1.9 degrees near
-/// edge-on incidence), the ground is curved over half a pixel, and it may have been drawn with another LOD.
+/// Tolerance of the visibility test: the largest relative difference between the found and the expected depth of a point. Both belong to the pixel of
+/// the earlier picture that is nearest to the earlier position of the point. The found depth is the depth that this pixel has. The expected depth is
+/// that of the plane of the point's triangle at this pixel.
+///
+/// Even for visible points, the two depths differ slightly: the stored normal is quantised (an error of at most 0.64 degrees, or 1.9 degrees near
+/// edge-on incidence), the ground is curved within half a pixel, and the earlier frame may have drawn the ground with another LOD.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Offsets in the ring buffers, pixels: where the picture of this frame begins, and where the pictures of the earlier frames begin. Also the quarter
-/// of the rows that this frame uses.
+/// Positions in the ring buffers, and the quarter of the rows that this frame uses. A ring buffer holds [`SLOTS`] pictures. An offset is the pixel at
+/// which a picture begins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// Offset of this frame's picture.
     pub now: u32,
     /// Offsets of the pictures 1 to 4 frames earlier.
     pub past: [u32; LAGS],
-    /// Index, 0 to 3, of the quarter of the rows that this frame uses for lags 2 to 4, for rejections, and for the histograms of changes.
+    /// Index, 0 to 3, of the quarter of the rows that this frame uses for lags 2 to 4, and for the box test and the histograms of the metrics.
     pub quarter: u32,
 }
 

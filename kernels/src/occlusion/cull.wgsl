@@ -1,7 +1,8 @@
-// Occlusion culling of a phase. A batch consists of the patches that one indirect draw of the phase can draw. For each batch, this pass lists the
-// patches that are not hidden by what earlier phases drew, and writes their number into the indirect draw. The list keeps the order of the patches.
-// One workgroup handles a batch. A prefix sum finds the place of each patch in the list, so that the order does not depend on the scheduling of the
-// device.
+// Occlusion culling for one phase. The geometry pass draws the patches in phases, the nearest patches first. A batch is the set of patches that one
+// indirect draw of the phase can draw. For each batch, this pass lists the patches that are not hidden by what earlier phases drew, and writes their
+// number into the indirect draw.
+// One workgroup handles a batch. A prefix sum finds the place of each patch in the list. The list therefore keeps the order of the patches and does
+// not depend on the scheduling of the device.
 
 struct OcclusionBatch {
     first: u32,         // index of the first patch of the batch
@@ -27,9 +28,9 @@ struct OcclusionBox {
 @group(1) @binding(5) var<storage, read_write> arguments: array<u32>;
 
 const OCCLUSION_LANES: u32 = 256u;
-// The test reads a level of the pyramid. This level is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels;
-// it is at least level 1. The box then lies in at most 8 x 8 texels. Finer texels extend less far beyond the box than coarser texels, so that more
-// hidden patches are recognised.
+// Difference between two levels of the pyramid: the level at which a box lies in at most 2 x 2 texels, and the finer level that the test reads. The
+// test never reads a level below 1. At the tested level, the box lies in at most 8 x 8 texels. They extend less far beyond the box than coarser
+// texels, so more hidden patches are recognised.
 const OCCLUSION_FINER: u32 = 2u;
 
 var<workgroup> occlusion_sums: array<u32, OCCLUSION_LANES>;
@@ -73,7 +74,8 @@ fn occlusion_cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     }
     occlusion_sums[lane] = visible;
     workgroupBarrier();
-    // After each turn, an entry holds the sum over its lane and up to 2 * reach - 1 lanes before it.
+    // After each iteration, an entry holds the sum over its own lane and the 2 * reach - 1 lanes before it, or all lanes before it if there are
+    // fewer.
     for (var reach = 1u; reach < OCCLUSION_LANES; reach *= 2u) {
         var before = 0u;
         if lane >= reach {

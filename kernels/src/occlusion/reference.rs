@@ -1,9 +1,9 @@
-//! The reference of the stage: the depth pyramid, and whether it hides a box.
+//! The CPU reference of occlusion culling: the depth pyramid, and the test whether it hides a box.
 
 use crate::shared::culling::{Cover, hidden, level, level_size};
 
-/// The test reads a level that is finer, by this number of levels, than the level at which a box lies in at most 2 x 2 texels, but at least level 1.
-/// In WGSL: `OCCLUSION_FINER`.
+/// Difference between two levels of the pyramid: the level at which a box lies in at most 2 x 2 texels, and the finer level that the test reads. The
+/// test never reads a level below 1. In WGSL: `OCCLUSION_FINER`.
 const FINER: u32 = 2;
 
 /// The levels of a depth pyramid from level 1 up, each row by row.
@@ -35,8 +35,8 @@ impl Levels {
         self.levels.concat()
     }
 
-    /// Whether everything that was drawn in the tested texels, which contain the pixels of a box, is nearer than the box. `cover`: what the box
-    /// covers; `None` = unknown, so that the box is not hidden.
+    /// Whether a box is hidden: everything that was drawn in the tested texels, which contain the pixels of the box, must be nearer than the box.
+    /// `cover`: the pixels that the box covers, and the depth of its nearest point; `None` = not known, then the result is false.
     ///
     /// # Panics
     /// If the pyramid has too few levels for the box.
@@ -85,8 +85,8 @@ mod tests {
             let extent = [random(3, 1 << (case % 7)), random(4, 1 << (case % 7))];
             let last = [0, 1].map(|k| (corner[k] + extent[k]).min(size[k] - 1));
             let cover = Cover { first: corner.map(f64::from), last: last.map(f64::from), depth: 0.25 };
-            // The tested level is two levels finer than the level at which the box lies in 2 x 2 texels, but at least level 1. Its texels have at
-            // most half the size of the box, or 2 x 2 pixels.
+            // A far pixel outside the box must not keep the box visible if it lies farther away than one texel of the tested level. Such a texel has
+            // at most half the size of the box, or 2 x 2 pixels, so it extends at most `margin` pixels beyond the box.
             let (x, y) = (far % size[0], far / size[0]);
             let margin = (extent[0].max(extent[1]) / 2).max(1);
             let is_inside = |margin: u32| {

@@ -1,13 +1,15 @@
 //! Inspection of one pixel: the values that the stages of the frame computed for it, and the exact values.
 //!
 //! The values of the stages are read back from the device: depth, both normals, mask, the variant of the tile, derivatives, splat texels, the
-//! recorded choice. The references compute the exact values in f64. The weights of the flavours, the random thresholds, the choice that follows from
-//! the thresholds, and the page and level of the virtual texture are computed from the same inputs as in the shaders. The exact derivatives are those
-//! on the triangle that was drawn.
+//! recorded choice.
 //!
-//! That triangle comes from the world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on the sides
-//! of patches are moved as in the shader. Its normal is not quantised. The triangle is not reconstructed from neighbouring pixels, because neighbours
-//! often lie on different triangles.
+//! The exact values are computed in f64 by the references, which are the Rust versions of the shader functions. From the same inputs as in the
+//! shaders, they compute the weights of the flavours, the random thresholds and the choice that follows from them, and the page and level of the
+//! virtual texture. The exact derivatives are those on the triangle that was drawn.
+//!
+//! That triangle is found in the terrain data ([`World`]), in the node that was drawn at the pixel. Its heights are quantised, and its vertices on
+//! the sides of patches are moved, as in the shader. Its normal is not quantised. The triangle is not reconstructed from neighbouring pixels, because
+//! neighbours often lie on different triangles.
 //!
 //! The weights after the height blend come from the device, because this module does not read the heights of detail textures. They are the weights in
 //! the projection with the largest weight.
@@ -32,12 +34,12 @@ use glam::DVec3;
 
 /// Layers that are read from the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
-/// Tolerance for the horizontal distance by which a visible point may lie outside its triangle: the first number in metres, plus the second number
-/// times the longer of the two steps to a neighbouring pixel. Points lie outside because of rounding: positions are f32, and the rasteriser rounds
-/// screen coordinates, usually to multiples of 1/256 pixel.
+/// Largest accepted horizontal distance of a visible point from its triangle: the first number, metres, plus the second number times the longer of
+/// the two steps to a neighbouring pixel. Points lie outside their triangles because of rounding: positions are f32, and the rasteriser rounds screen
+/// coordinates, usually to multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
-/// Tolerance for the distance of a visible point from the plane of its triangle: the first number in metres, plus the second number times the height
-/// of a pixel at the depth of the point.
+/// Largest accepted distance of a visible point from the plane of its triangle: the first number, metres, plus the second number times the height of
+/// a pixel at the depth of the point, metres.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
 /// The values of one terrain pixel. Vectors are in world axes: x east, y north, z up.
@@ -108,8 +110,8 @@ impl Derivative {
         share.is_finite().then_some(share)
     }
 
-    /// Error of the mip level that follows from the shader's step: log2 of the length of this step divided by the length of the exact step. If the
-    /// error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine. `None` without an exact step.
+    /// Error, in mip levels, that the shader's step causes: log2 of the quotient of the lengths of the two steps, shader / exact. Above 0, the mip
+    /// level is too coarse; below 0, it is too fine. `None` without an exact step.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();

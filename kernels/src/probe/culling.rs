@@ -94,8 +94,8 @@ fn is_next_to(x: f64, limit: f64) -> bool {
     (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
-/// Judges a decision to cull. `may`: whether culling is correct; if not, it is rejected. Otherwise, an answer that differs from the truth is accepted
-/// only if `near`, that is, if the value is close to the threshold.
+/// Judges a decision to cull. `may`: whether the object may be culled; if it may not, a result that culls it is rejected. `near`: whether the row is
+/// close to the threshold; only then is a result accepted that differs from the truth.
 fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
     match (got[0] == 1.0, want[0] == 1.0) {
         (true, _) if !may => Verdict::Differs,
@@ -193,13 +193,13 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 /// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be drawn or culled. The margin
-/// is a difference between cosines, so differences between cosines, and not between angles, are compared with it. A patch that faces away may also be
-/// drawn if the half angle of the cone and the angular radius of the sphere nearly add up to a right angle.
+/// applies to a difference between cosines, not between angles. A patch that faces away may also be drawn if the half angle of the cone and the
+/// angular radius of the sphere nearly add up to a right angle.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
-    // `between` is the angle between the axis and the direction to the patch. The reference culls if cos(between) exceeds sin(a + s) by
-    // more than `ROUNDING`. Here, a is the half angle of the cone, and s is the angular radius of the sphere. `over` is cos(between) -
-    // sin(a + s). As `margin` is 90 degrees - (between + a + s), `over` equals cos(between) - cos(between + margin).
+    // The reference culls if cos(between) exceeds sin(a + s) by more than `ROUNDING`: `between` is the angle between the axis and the direction to
+    // the patch, a is the half angle of the cone, and s is the angular radius of the sphere. `over` is this excess. As `margin` is 90 degrees -
+    // (between + a + s), `over` equals cos(between) - cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
@@ -430,7 +430,7 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Number of columns or rows by which the reported pixels extend beyond the pixels that the box spans, on the side where this number is largest; at
+/// Largest number of columns or rows by which the reported pixels extend beyond the pixels that the box spans, over the four sides of the box; at
 /// least 0.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);

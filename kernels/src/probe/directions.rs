@@ -163,8 +163,9 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // About half of the rays are nearly edge-on to the plane. A lattice point is a plane that the encoding can store. For these rays, the side
-        // from which the ray sees the plane of a lattice point may decide whether this point is chosen.
+        // About half of the rays are nearly edge-on to the plane, which tests a special case of the encoding. The encoding can store only certain
+        // planes, the lattice points. It chooses a lattice point whose plane the ray sees from the same side as the original plane. For a ray that is
+        // nearly edge-on, this condition may decide which point is chosen.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
@@ -530,9 +531,10 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. But if one word is fine and the other
-    // plain (see normal_pair.rs), this counts as a difference. Rounding is a very unlikely cause of such a difference: the shading normal's code
-    // would also have to lie at the limit of the range that a fine word can store.
+    // The words may differ if two lattice points (planes that the encoding can store), or two codes of the shading normal, are equally near within
+    // the rounding error. But if one word has the fine form and the other the plain form (see normal_pair.rs), this counts as a difference. Rounding
+    // is a very unlikely cause of such a difference, because the code of the shading normal would also have to lie at the limit of the range that the
+    // fine form can store.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
@@ -559,9 +561,9 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
     // The result is t (step - ray' (n.step / n.ray')), where ray' is the neighbour's ray, s is the length of the step, and r is the length of ray'.
-    // The error of n is 11 ULP, so the error of n.step is about 16 ULP of s, and the error of n.ray' is about 16 ULP of r. Both errors enter the
-    // quotient, which is multiplied by ray'. In units of 16 ULP, the error of n.step becomes s (r / facing) in the result, and the error of n.ray'
-    // becomes |n.step| (r / facing)². The tolerance allows 20 ULP.
+    // `facing` is |n.ray'|, at least its lower limit. The error of n is 11 ULP, so n.step has an error of about 16 ULP of s, and n.ray' of about 16
+    // ULP of r. Both enter the quotient, which is multiplied by ray'. In the result, in units of 16 ULP, the first error becomes s (r / facing), and
+    // the second becomes |n.step| (r / facing)². The tolerance allows 20 ULP.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
     // If the ray lies nearly in the plane, rounding may decide which side of the plane it sees.
@@ -580,10 +582,11 @@ fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
     let weights = triplanar::weights(n, row[3]);
-    // A weight is proportional to 2^(k log2 r), where r is the ratio of a component of the normal to the largest component. log2 has an error of
-    // 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Together they change the weight by at most (4 ln 2 + 12) k ULP, which is less than 16 k
-    // ULP. A normalised weight w changes in proportion to w (1 - w), so weights close to 0 or 1 hardly change; `sensitivity` is four times the
-    // largest of these factors, and at most 1.
+    // A weight is proportional to 2^(k log2 r), where k is the sharpness, and r is the ratio of a component of the normal to the largest component.
+    // log2 has an error of 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Together they change the weight by at most (4 ln 2 + 12) k ULP, which
+    // is less than 16 k ULP.
+    // A normalised weight w changes in proportion to w (1 - w), so weights close to 0 or 1 hardly change. `sensitivity` is four times the largest of
+    // these factors w (1 - w), so it is at most 1.
     let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
     let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
     let gradients: [[f64; 3]; 3] = [
@@ -619,11 +622,12 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
-    // r is the ratio of the smaller value in `above` to the larger one, e is the error of r, and `power` is the resulting error of r^k. If
-    // k is at least 1, or if r is larger than 2 e, `power` is e times `slope`, a bound on the slope of r^k. Otherwise r + e is at most 3 e,
-    // so r^k and its error are at most (3 e)^k. The tolerance also contains the error of log2 (2^-21 = 4 ULP near 1), multiplied by k, and
-    // the error of exp2(-x). The relative error of exp2(-x) grows with x, but x 2^-x is at most 0.54, so the absolute error stays below 16
-    // ULP.
+    // The tolerance is the sum of three errors.
+    // - `power`: error of r^k, where r is the ratio of the smaller value in `above` to the larger one, and e is the error of r. If k is at least 1,
+    //   or if r is larger than 2 e, `power` is e times `slope`, a bound on the slope of r^k. Otherwise r + e is at most 3 e, so r^k and its error are
+    //   at most (3 e)^k.
+    // - 4 k ULP: error of log2 (2^-21 = 4 ULP near 1), multiplied by k.
+    // - 16 ULP: error of exp2(-x). The relative error grows with x, but x 2^-x is at most 0.54, so the absolute error stays below 16 ULP.
     let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
     let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
     let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };

@@ -23,8 +23,8 @@ pub(super) const MOMENTS: Probe = Probe {
         real("variance", "unbiased"),
     ],
     blocks: None,
-    // `zero` is 0. If the compiler could prove this, it could simplify the compensated sums of moments.wgsl. The shader reads the count from memory,
-    // so the compiler must assume that the highest bit of the count may be set.
+    // `zero` is always 0, but the compiler must not know this, because it could then remove the compensation of the sums in moments.wgsl. The shader
+    // reads the count from memory, so the compiler must assume that the highest bit of the count may be set.
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
     let count = u32(row[2]);
@@ -170,10 +170,11 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let past = past(row);
     let (point, offset) = (three(row, 0), three(row, 3));
     let q = add(point, offset);
-    // Each coordinate of q is a sum that is rounded once. Its error is relative to the summands and the sum; `rounded` is a bound. `relative` bounds
-    // the error of a quotient dot(row, q) / distance, as a share of |row| |q| / distance. It contains the error of q, and 8 ULP for the dot products,
-    // the division (2.5 ULP), and the row of the matrix, which is computed from `pitch`. `of_pixel` is the error of the pixel: the error of the
-    // quotient, and 8 ULP of the shift that is subtracted.
+    // Error bounds, step by step:
+    // - `rounded`: error of q. Each coordinate of q is a sum that is rounded once.
+    // - `relative`: error of a quotient dot(row, q) / distance, as a share of |row| |q| / distance. It contains the error of q, and 8 ULP for the dot
+    //   products, the division (2.5 ULP), and the row of the matrix, which is computed from `pitch`.
+    // - `of_pixel`: error of the pixel. It contains the error of the quotient, and 8 ULP of the shift that is subtracted.
     let rounded = EPS * (length(point) + length(offset) + length(q));
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
@@ -187,9 +188,9 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if seen == Verdict::Differs {
         return if at_threshold { Verdict::OtherSide } else { Verdict::Differs };
     }
-    // `at` judges the distance that is expected at the centre of a pixel. `of_ray` is the error of dot(n, ray): the row of the matrix has
-    // an error of 5 ULP, the ray 6 ULP more, the dot product 2 ULP; the tolerance allows 20 ULP. `of_plane` is the error of dot(n, q),
-    // which follows from the error of q.
+    // `at` judges the distance that is expected at the centre of a pixel, which is dot(n, q) / dot(n, ray). `of_ray` is the error of dot(n, ray): the
+    // row of the matrix has an error of 5 ULP, the ray 6 ULP more, the dot product 2 ULP; the tolerance allows 20 ULP. `of_plane` is the error of
+    // dot(n, q), which follows from the error of q.
     let n = three(row, 8);
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     let at = |pixel: [f64; 2]| {

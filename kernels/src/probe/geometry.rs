@@ -72,9 +72,10 @@ fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (pitch, [left, up]) = depth_position_rays(row);
-    // `pitch` has an error of 2.5 ULP, from its division. Its products (with the pixel, and in `left` and `up` with half of the size minus 1) have
-    // 3 ULP. Subtracting the products may cancel digits, so errors are relative to `along`: the sum of their magnitudes, plus 1 for the component
-    // along the view. The two sums add 1 ULP, the division of `near_m` by the depth 2.5 ULP, and the last product 0.5 ULP. The tolerance is 8 ULP.
+    // `pitch` has an error of 2.5 ULP, from its division. It is multiplied by the pixel and, in `left` and `up`, by half of the size minus 1; these
+    // products have an error of 3 ULP. Their difference may cancel digits, so errors are relative to `along`: the sum of the magnitudes of the
+    // products, plus 1 for the component along the view. The two sums add 1 ULP, the division of `near_m` by the depth 2.5 ULP, and the last product
+    // 0.5 ULP. The tolerance is 8 ULP.
     let along = 1.0 + left.abs() + up.abs() + pitch * (row[0].abs() + row[1].abs());
     close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
 }

@@ -19,9 +19,9 @@ use crate::shared::real::{add, dot, length, scale, sub};
 /// One ULP (unit in the last place) of the number 1. The relative error of one correctly rounded operation is at most half of it.
 pub const EPS: f64 = f32::EPSILON as f64;
 
-/// Tolerance of the components of a unit vector, and of its point on the octahedron's square. To compute the unit vector, the division by the largest
-/// component (2.5 ULP), the dot product (3 roundings), the square root (2 + 2.5 ULP) and the division by the length (2.5 ULP) have errors of 11 ULP
-/// in total. The components are at most 1. The division and the sums that map the vector to the square add 5 ULP.
+/// Tolerance of the components of a unit vector, which are at most 1, and of its point on the octahedron's square: 16 ULP. The unit vector has an
+/// error of 11 ULP: the division by the largest component (2.5 ULP), the dot product (three roundings, 1.5 ULP), the square root (4.5 ULP) and the
+/// division by the length (2.5 ULP). The division and the sums that map the vector to the square add 5 ULP.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
 /// Tolerance of a result of a few operations, none of which cancels leading digits: 16 ULP.

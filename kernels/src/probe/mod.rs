@@ -1,8 +1,9 @@
 //! Evaluates shared functions for tables: each row of input numbers gives a row of results, computed on the GPU or by the reference in f32 or f64.
 //!
-//! The command line and the agreement tests share the list [`PROBES`], so that both evaluate the same functions. The results of the reference in f64
-//! are the truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both references take the same columns.
-//! Real numbers are rounded to f32 for the f32 reference and the GPU, so comparisons should use numbers that f32 represents exactly.
+//! The command line and the agreement tests share the list [`PROBES`], so that both evaluate the same functions. The GPU and both references take the
+//! same columns. The results of the reference in f64 are the truth. The reference in f32 shows how large errors from rounding alone are, so the error
+//! of the shader is compared with its error. Real numbers are rounded to f32 for the f32 reference and the GPU, so comparisons should use numbers
+//! that f32 represents exactly.
 
 use serde::Serialize;
 
@@ -80,8 +81,8 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// The number type of the cells that a reference reads and writes. A cell is a real number or a word. For a word, an f32 cell holds the bits of the
-/// word, and an f64 cell holds its value.
+/// The number type of the cells that a reference reads and writes. A cell is a real number or a word (an integer of 32 bits). For a word, an f32 cell
+/// holds the bits of the word, and an f64 cell holds its value.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;
@@ -216,8 +217,8 @@ impl Probe {
         Ok(all)
     }
 
-    /// The types that the shader takes and returns. If the rows begin with a compressed block: bits and a texel. Otherwise, if a column holds
-    /// words (integers): bits. Otherwise: reals.
+    /// The types that the shader takes and returns: [`Cells::Texel`] if the rows begin with a compressed block, else [`Cells::Bits`] if a column
+    /// holds words (integers of 32 bits), else [`Cells::Reals`].
     pub fn layout(&self) -> Cells {
         match self.blocks {
             Some(format) => Cells::Texel(format),
@@ -245,8 +246,8 @@ impl Probe {
             .map(|(_, unit)| unit)
     }
 
-    /// A random row in which the parameter or column of this name has this value. The row is rounded to f32, so that the GPU and both
-    /// references receive the same numbers. `None` if the name is unknown or the column does not accept the value.
+    /// Returns a random row of inputs in which the parameter or column named `parameter` has the value `value`. The row is rounded to f32, so that
+    /// the GPU and both references receive the same numbers. `None` if the name is unknown or the column does not accept the value.
     pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);
         if let Some(found) = self.parameters.iter().find(|known| known.name == parameter) {

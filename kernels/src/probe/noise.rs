@@ -197,9 +197,9 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     };
     let error = levels.iter().map(|&(level, _)| level_error(level, ulps)).fold(0.0, f64::max);
     // A threshold is computed in two steps: the random numbers of a larger and a smaller cell are blended, and `noise::correct` makes the blend
-    // uniform. The indices of the cells are exact, because they are products with powers of two, rounded down. So only the blend factor has an error;
-    // it is taken to be that of the level, `error`. After `noise::correct`, the result is wrong by at most 2.5 `error`; the tolerance allows 3
-    // `error`. The operations of both steps add 12 ULP.
+    // uniform. The random numbers are exact, because the indices of the cells are products with powers of two, rounded down. So only the blend factor
+    // has an error. This error is taken to be `error`, the error of the level. After `noise::correct`, the result is wrong by at most 2.5 `error`;
+    // the tolerance allows 3 `error`. The operations of both steps add 12 ULP.
     let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
     // The anisotropic kind jumps to different cells where the level of one axis passes a whole number and the levels of the other axes do not. Near
     // such a threshold, the results on both sides are accepted. (The isotropic kind is continuous there. At the ends of the range, levels are

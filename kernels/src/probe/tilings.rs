@@ -120,12 +120,14 @@ fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
         return Verdict::Differs;
     }
-    // `reach` is the larger coordinate of the position, in units of the hexagons' spacing. `coordinate` is the error of a skewed coordinate
-    // in the same units: three roundings, half an ULP each, of numbers of about 1.2 times `reach` plus 1. Products with powers of two are
-    // exact. A barycentric coordinate is a sum of up to two skewed coordinates, so its error is up to 2 times `coordinate`. All barycentric
-    // coordinates are divided by the largest one, which is at least 1/3, so the error is then up to 6 times `coordinate`. The 7th power
-    // multiplies the error by 7, and normalising the weights at most doubles it. The remaining 24 ULP are for the roundings of these last
-    // steps.
+    // The error bound of a weight is derived step by step. `reach` is the larger coordinate of the position, in units of the hexagons' spacing.
+    // 1. `coordinate` is the error of a coordinate in the skewed lattice: three roundings, half an ULP each, of numbers of about 1.2 times `reach`
+    //    plus 1. Products with powers of two are exact.
+    // 2. A barycentric coordinate is a sum of up to two skewed coordinates: factor 2.
+    // 3. It is divided by the largest barycentric coordinate, which is at least 1/3: factor 3.
+    // 4. The 7th power: factor 7.
+    // 5. Normalising the weights: factor 2.
+    // The remaining 24 ULP are for the roundings of steps 3 to 5.
     let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
     let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
     let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));

@@ -171,11 +171,12 @@ fn splat_blend_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let used: Vec<f64> =
         splat_blend::bilinear([row[0], row[1]]).into_iter().filter(|&w| w > splat_blend::MIN_WEIGHT).map(f64::log2).collect();
     let spread = used.iter().fold(f64::MIN, |m, &x| m.max(x)) - used.iter().fold(f64::MAX, |m, &x| m.min(x));
-    // A term is (w_i / w_best) 2^x with x = k (h_i - h_best), where `best` is the texel with the largest term. The relative error of 2^x is
-    // 3 + 2 |x| ULP from exp2, and 0.7 |x| ULP from the rounding of x. If x is positive, it is at most `spread`, the largest difference
-    // between the log2 w, because a term is at most 1. The part of the error that grows with x is then less than 4 ULP times the spread. If
-    // x is negative, |x| 2^x is at most 0.54, so this part is less than 2 ULP; the 16 ULP include it, two divisions, the products and the
-    // sum.
+    // A term is (w_i / w_best) 2^x with x = k (h_i - h_best), where w is a bilinear weight, h is a height, k is the sharpness, and `best` is the
+    // texel with the largest term. The relative error of 2^x is 3 + 2 |x| ULP from exp2, and 0.7 |x| ULP from the rounding of x.
+    // - Positive x: a term is at most 1, so x is at most `spread`, the largest difference between the log2 w. The part of the error that grows with x
+    //   is then less than 4 ULP times the spread.
+    // - Negative x: |x| 2^x is at most 0.54, so this part is less than 2 ULP.
+    // The 16 ULP include these 2 ULP, two divisions, the products and the sum.
     close(got, want, EPS * (16.0 + 4.0 * spread))
 }
 

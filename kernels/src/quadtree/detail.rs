@@ -7,12 +7,12 @@ use crate::world::payload::{diagonal_rises, height_in_quad};
 /// The vertex strides above 1 for which the error is known. With the last stride, a patch consists of two triangles.
 pub const COARSE_STRIDES: [u32; 4] = [2, 4, 8, 16];
 
-/// For each stride, the largest difference in height between the surface of a patch and its surface with this stride, in units of the heights. Both
-/// surfaces consist of quads whose diagonals alternate in direction. `height(i, j)` is the height of the vertex in column i and row j of the patch,
-/// both 0..=16.
+/// For each stride, the largest difference in height between the surface of a patch with all vertices and its surface with this stride, in the unit
+/// of the heights. Both surfaces consist of quads whose diagonals alternate in direction. `height(i, j)` is the height of the vertex in column i and
+/// row j of the patch, both 0..=16.
 ///
-/// The largest difference of two such surfaces is at a corner of an area in which both are plane. These corners are the vertices: the diagonal of a
-/// larger quad runs along diagonals of smaller quads and crosses no diagonal, because the diagonals of the smaller quads alternate.
+/// Only vertices are compared. The largest difference is at a corner of an area in which both surfaces are plane, and all these corners are vertices.
+/// The reason is that the diagonals of the smaller quads alternate: the diagonal of a larger quad runs along such diagonals and crosses none.
 pub fn stride_errors(height: impl Fn(usize, usize) -> f64) -> [f64; COARSE_STRIDES.len()] {
     let quads = NODE_QUADS as usize / cones::PATCHES;
     COARSE_STRIDES.map(|stride| {

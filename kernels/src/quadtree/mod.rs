@@ -1,7 +1,9 @@
-//! Selects the nodes to draw: traverses the quadtree from the roots down, level by level, and splits a node if it is close to the camera. The nodes
-//! of a level are loaded before any of them is split. Which nodes are visited and drawn does not depend on the direction of the camera. So with
-//! settled residency, turning the camera loads no nodes, and no cached page of the virtual texture has to be rendered again. The stage `culling`
-//! drops what is outside the frustum.
+//! Selects the nodes to draw. The quadtree is traversed from the roots down, level by level, and a node is split if it is close to the camera. All
+//! nodes of a level are loaded before any of them is split.
+//!
+//! Which nodes are visited and drawn does not depend on the direction of the camera. So if each frame waits for its nodes (settled residency),
+//! turning the camera loads no nodes, and no cached page of the virtual texture has to be rendered again. The stage `culling` drops what is outside
+//! the frustum.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
@@ -81,9 +83,11 @@ pub struct Selection {
     pub visited: Vec<NodeId>,
     /// The nodes to draw. They cover the whole ground and do not overlap.
     pub drawn: Vec<NodeId>,
-    /// The nodes that are not visited, but would be if all nodes were available. Their elevations may be unknown, so the range of elevations of the
-    /// nearest visited ancestor is used instead. It may differ from their own range, so some nodes too many or too few may be wanted until the
-    /// ancestors have arrived. Empty if and only if the drawn nodes are those that would be drawn if all nodes were available.
+    /// The nodes that are not visited, but would be if all nodes were available. Empty if and only if the drawn nodes are those that would be drawn
+    /// if all nodes were available.
+    ///
+    /// Their elevations may be unknown, so the range of elevations of the nearest visited ancestor is used instead. The two ranges may differ, so too
+    /// many or too few nodes may be listed until the ancestors have arrived.
     pub wanted: Vec<Wanted>,
 }
 
@@ -156,10 +160,12 @@ impl Rule<'_> {
     }
 }
 
-/// Traverses the tree. A node is split if the camera is near and all its children are available, so the drawn nodes cover the ground whatever is
-/// available. The roots count as available. `lod_bias`: about how many levels coarser than usual the nodes are. Negative values make them finer, up
-/// to the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one level, and
-/// returns their bounds in the same order.
+/// Traverses the tree. A node is split if the camera is near and all its children are available. So the drawn nodes cover the ground, whatever is
+/// available. The roots count as available.
+///
+/// `lod_bias`: about how many levels coarser than usual the nodes are. Negative values make them finer. The upper bound of [`SPLIT_RATIO`] limits
+/// this, because the nodes must fit in the atlases. `load` receives the nodes that are needed next, all of one level, and returns their bounds in the
+/// same order.
 ///
 /// # Errors
 /// The errors of `load`.
@@ -196,7 +202,7 @@ pub fn select<E>(
 pub struct Lag {
     /// Share of the drawn sectors in which a coarser node is drawn, 0..=1.
     pub share: f64,
-    /// Mean number of levels by which the drawn nodes are coarser, over the sectors of `share`; 0 if there are none.
+    /// Mean number of levels by which the drawn nodes are coarser, over the sectors that `share` counts; 0 if there are none.
     pub levels: f64,
     /// Largest number of levels in any sector.
     pub largest: u8,

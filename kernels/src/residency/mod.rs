@@ -1,4 +1,4 @@
-//! Node payloads in GPU memory: synchronised atlases with one slot per node.
+//! Node payloads in GPU memory: one atlas each for height, normal, albedo, colour modulation and splat. A node has the same slot in all atlases.
 //!
 //! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
 //! Source: Moore, GDC 2018, "Stream Quad Tree" and the part of the talk on terrain data. An atlas is an array texture in which each slot is a layer,
@@ -111,7 +111,8 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
         node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, "holes, far atlas, and pixels whose page is missing"),
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
-        // The splat map is needed even if no flavour of the scene samples it, because errors are measured against the full blend.
+        // The splat map is needed even if no flavour of the scene samples it, because the reference blend samples it. Errors are measured against
+        // this blend.
         node(
             "node splat map",
             Format::R8Uint,

@@ -114,8 +114,8 @@ impl Arrivals {
     }
 
     /// Ends a frame that drew `selection`. The most urgent of its wanted nodes are requested. Then the nodes that are due for the next frame arrive.
-    /// If the atlases have no room for a node, it replaces the node whose last visit is the longest ago. Nodes of the ended frame are not replaced:
-    /// if there are no others, the node that arrives is discarded, and has to be requested again.
+    /// If the atlases have no room for an arriving node, it replaces the node that has not been visited for the longest time. Nodes of the ended
+    /// frame are not replaced. If there are no others, the arriving node is discarded, and has to be requested again.
     pub fn step(&mut self, selection: &Selection) {
         // Available nodes below a missing one count as visited, so that they are not replaced before they can be drawn.
         let held = selection.wanted.iter().filter(|wanted| wanted.is_available).map(|wanted| &wanted.node);
@@ -153,9 +153,10 @@ impl Arrivals {
     }
 }
 
-/// The order of requests: nodes whose parent is in view first; then by the distance of the parent, in units of the parent's edge length; then coarse
-/// before fine. The identifiers decide the rest, so the order of the traversal does not matter. The children of a node follow each other in this
-/// order, because they are needed together: a node is split only if all its children have arrived.
+/// Compares two requests by urgency. Nodes whose parent is in view come first. Then the distance of the parent decides, in units of the parent's edge
+/// length; then coarse nodes come before fine ones. The identifiers decide the rest, so the order of the traversal does not matter.
+///
+/// The children of a node follow each other in this order, because they are needed together: a node is split only if all its children have arrived.
 fn urgency(a: &Wanted, b: &Wanted) -> Ordering {
     (b.is_in_view.cmp(&a.is_in_view))
         .then(a.distance.total_cmp(&b.distance))

@@ -1,5 +1,5 @@
-//! What a scene demands of the stages: flavours, holes, an edge, colour modulation, textures. The demands follow from the scene file alone, before
-//! any world data is read.
+//! What a scene demands of the stages: the shading flavours that it can need, whether the ground has holes or an edge, whether there is colour
+//! modulation, and the size of the textures. The demands follow from the scene file alone, before any world data is read.
 
 use std::collections::BTreeSet;
 

@@ -105,8 +105,8 @@ pub enum World {
         /// Elevations of the smallest and the largest possible sample, metres. Unsigned 16-bit samples: 0 and 65535. Signed TIFF: -32768 and 32767.
         /// Floats: 0 and 1. If the file states its own scale, the two must agree.
         height_range_m: [f64; 2],
-        /// Largest offset of the added procedural relief, which is finer than the resolution of the data, metres. 0 = no relief is added, and the
-        /// finest LOD follows from the resolution of the data.
+        /// Largest offset of the added procedural relief, metres. This relief is finer than the resolution of the data. 0 = no relief is added; the
+        /// finest LOD then follows from the resolution of the data.
         #[serde(default)]
         detail_m: f64,
         /// Seed of the added relief, of the noise masks of the splat rules, and of the colour modulation map.
@@ -166,8 +166,8 @@ fn one() -> f64 {
     1.0
 }
 
-/// One splat rule. Its weight is `weight` times the product of all masks that the rule gives. The mask of a band `[from, to]` is a trapezoid: 1
-/// inside the band, falling to 0 outside it over the width of the fade.
+/// One splat rule. Its weight at a position is the number `weight` times the product of all masks that the rule gives. The mask of a band
+/// `[from, to]` is 1 inside the band and falls linearly to 0 outside it, over the width of the fade.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {

@@ -28,8 +28,8 @@ const fn positive(most: f64) -> Kind {
 }
 
 table! {
-    /// Where each flavour applies (SYSTEMS C and F, the parts of the talk on material shading and on shader variants). Distances are measured along
-    /// the view ray. Slopes are those of the shading normal.
+    /// Where each shading flavour applies (SYSTEMS C and F: Moore, GDC 2018, the parts on material shading and on shader variants). Distances are
+    /// measured along the view ray. Slopes are those of the shading normal.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
@@ -105,8 +105,8 @@ table! {
 }
 
 table! {
-    /// The sky. Its radiance is a linear function of the sine of the elevation, also below the horizon, where negative values are clamped to 0.
-    /// Without clamping, the irradiance has a simple exact formula.
+    /// The sky. Its radiance is a linear function of the sine of the elevation angle. The function is also used below the horizon, where negative
+    /// values are clamped to 0. If no value is clamped, the irradiance has a simple exact formula.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Sky of Scene as "sky" at |scene| scene.sky, {

@@ -1,9 +1,9 @@
 //! Settings: values that a user chooses. Each setting is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
-//! A table is an array of [`Setting`]s for one type that stores the values: [`crate::scene::settings`] for a scene, [`crate::frame::settings`] for
-//! the choices of a frame and of its stages, and a table for the choices of the workbench alone. These tables serve scene files, definitions of
-//! experiments, the command line, the workbench with its state file, and the reference documentation. [`Setting::accept`] makes the sentence that
-//! describes a value that is not accepted.
+//! A table is an array of [`Setting`]s for one type, which stores the values. There are tables for a scene ([`crate::scene::settings`]), for the
+//! choices of a frame and of its stages ([`crate::frame::settings`]), and for the choices of the workbench alone. Scene files, definitions of
+//! experiments, the command line, the workbench with its state file, and the reference documentation all use these tables. [`Setting::accept`] makes
+//! the sentence that describes a value that is not accepted.
 
 use std::fmt;
 
@@ -320,9 +320,9 @@ pub trait Holds<P>: 'static {
 
 /// Declares a type whose fields are settings: the type, its default values, and the table of the settings.
 ///
-/// - `Name of Owner as "prefix" at |owner| place`: `place` is the expression for the `Name` that an owner stores. The table is `Name::SETTINGS`. With
-///   `parts field: Type`, the type has one more field, which is not a setting.
-/// - `Name as "prefix"`: an owner stores the `Name` if it implements [`Holds`]. The table is [`Part::table`].
+/// - `Name of Owner as "prefix" at |owner| place`: a value `owner` of the type `Owner` stores a `Name`, and the expression `place` refers to it. The
+///   table is `Name::SETTINGS`. With `parts field: Type`, the type has one more field, which is not a setting.
+/// - `Name as "prefix"`: any type can be the owner if it implements [`Holds`]. The table is [`Part::table`].
 ///
 /// Keys begin with `prefix`. A field is declared as `name: type = default, unit, kind, listing;`, after its documentation, which is also the
 /// description of the setting.

@@ -16,8 +16,8 @@ pub enum Estimator {
     Fc5,
     /// The exact blend: the mean of `Fc5` over all its random choices.
     Exact,
-    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], written in place of albedo. The measured variance is compared with
-    /// this variance. The variance of splat is 0, because `Fc5` draws no random numbers there.
+    /// The theoretical variance of the albedo of `Fc5` over seeds, times [`VARIANCE_SCALE`]. It is written in place of albedo and is compared with
+    /// the measured variance. The variance of splat is 0, because `Fc5` draws no random numbers there.
     Variance,
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
@@ -26,8 +26,8 @@ pub enum Estimator {
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
     /// *Stochastic Texture Filtering*, 2023). There is no anisotropic filtering. If the anisotropy of the scene is 1, the mean of `Stf` on near and
-    /// far cliff is the mean of `Fc5`. On splat, the mean of `Stf` is the same as on near cliff, because the height blend of splat would need the
-    /// heights of all four materials.
+    /// far cliff is the mean of `Fc5`. On splat, `Stf` has no height blend, which would need the heights of all four materials. So its mean there is
+    /// the same as on near cliff.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
     /// the height blend. Far cliff uses only the lower of the two tiling scales, so its scale changes abruptly at some distances.
@@ -134,9 +134,9 @@ impl Estimator {
         variant.flavours().filter_map(Estimator::place).any(|place| self.taken().draws[place])
     }
 
-    /// Returns the estimator whose picture equals the mean of this estimator's pictures over seeds, for the flavours in which this estimator draws
-    /// random numbers. The mean of [`Estimator::Stf`] differs from the exact blend in two ways: it has no anisotropic filtering, and on splat, it is
-    /// the mean of near cliff.
+    /// Returns the estimator whose picture equals the mean of this estimator's pictures over seeds. An estimator without random choices is its own
+    /// mean. For [`Estimator::Stf`], the result is only an approximation: the mean of `Stf` has no anisotropic filtering, and on splat it equals the
+    /// mean of near cliff.
     pub const fn mean(self) -> Estimator {
         match self {
             Estimator::Fc5 | Estimator::Stf => Estimator::Exact,

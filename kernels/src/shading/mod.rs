@@ -43,7 +43,8 @@ pub mod salt {
     pub const HEIGHT_TEXEL: u32 = 8;
 }
 
-/// Which kernel runs: the kernel of a variant, or the generic kernel, which reads the mask of each tile at run time.
+/// A shading kernel, that is, the shader of a pipeline: either the kernel of one variant, or the generic kernel, which reads the flavour mask of each
+/// tile at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kernel {
     /// Specialised for one variant; draws that variant's tile list.
@@ -73,7 +74,8 @@ pub struct PipelineKey {
 pub struct ShadingPass<'a> {
     /// The pipelines to draw with.
     pub keys: &'a [PipelineKey],
-    /// Whether every key records diagnostics. If so, the diagnostics target is cleared even if the picture has no terrain tile.
+    /// Whether the pass writes the diagnostics target. All keys must agree with this value. The target is cleared even if the picture has no terrain
+    /// tile.
     pub diagnostics: bool,
     /// Whether each key has a pass of its own, named after its kernel, such as `shading: vt`. If not, all keys share one pass, named
     /// `shading`.
@@ -94,8 +96,8 @@ pub struct Settings {
 }
 
 impl PipelineKey {
-    /// Returns the canonical key of this pipeline. The key of a variant has default values for parameters that its flavours do not use, so that fewer
-    /// equivalent pipelines are built. The key of the generic kernel stays as it is.
+    /// Returns the canonical key of this pipeline: parameters that no flavour of the variant uses are set to default values. So keys that differ only
+    /// in unused parameters share one pipeline. The key of the generic kernel stays as it is.
     #[must_use]
     pub fn canonical(self) -> PipelineKey {
         let Kernel::Variant(variant) = self.kernel else { return self };

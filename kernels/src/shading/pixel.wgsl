@@ -6,8 +6,8 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise that drives the random choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle; the depth test discards the part of the triangle below the tile. If not, a tile is two triangles that
-// share a diagonal. Devices usually shade pixels in groups of 2 x 2 or more and shade each group on the diagonal twice.
+// Whether a tile is drawn as one triangle instead of two. Devices usually shade pixels in groups of 2 x 2 or more, and shade each group on the
+// diagonal between two triangles twice. One triangle has no diagonal. Its part below the tile is discarded by the depth test.
 override ONE_TRIANGLE: bool = false;
 // Edge length of a tile, pixels.
 override TILE: u32 = 8u;
@@ -37,12 +37,12 @@ override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == E
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
-// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four materials (eight for `luna8`) are blended at tiling scale 0.
-// Exception: on far cliff, `laplacian` uses a tiling scale that depends on the distance.
+// Whether near cliff, far cliff and splat are shaded alike, by the function of splat. It blends all four materials (eight for `luna8`) in each
+// projection at tiling scale 0. Exception: on far cliff, `laplacian` uses a tiling scale that depends on the distance.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
-// The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and
-// SALT_HEIGHT_TEXEL are used by the estimator `stf`. They are added to the salt of a flavour for the random choice of mip level and texel: SALT_TEXEL
+// The host defines salts, numbers that are hashed together with the seed. SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour
+// independent random numbers. The estimator `stf` adds one of two more salts to that of the flavour when it chooses mip level and texel: SALT_TEXEL
 // in the albedo and normal textures, SALT_HEIGHT_TEXEL in the height texture.
 
 struct Pixel {
@@ -81,8 +81,8 @@ fn shade_choose(texel: u32, plane: u32) {
     }
 }
 
-// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, which is always 4, because compilers would unroll a loop that
-// runs to a constant (see terrain.wgsl).
+// Number of projections of the estimator: 2, 1 or 3. It is computed from frame.taps, a uniform that is always 4, so that compilers do not unroll
+// loops over the projections (see terrain.wgsl).
 fn shade_projections() -> u32 {
     if IS_BIPLANAR {
         return frame.taps - 2u;

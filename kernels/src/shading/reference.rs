@@ -1,8 +1,8 @@
 //! Shading in f64: the reference for the exact blends of the five flavours and for their sum.
 //!
 //! It covers Far Cry 5's flavours with random choices replaced by their means ([`Estimator::Exact`](super::Estimator)), at the centres of pixels.
-//! Random choices are checked in two other ways: their mean is compared with `Estimator::Exact`, and noise and selection have references of their
-//! own.
+//! Other tests check the random choices: their mean is compared with `Estimator::Exact`, and the noise and the selection by weights are compared with
+//! references of their own.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Cliff Shading", "Terrain Shader Variations".
 
 use glam::DVec3;

@@ -68,7 +68,7 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
     return shaded;
 }
 
-// Returns the theoretical variance of a pixel's albedo over seeds. Only the stochastic flavours have a variance. Their random numbers are
+// Returns the theoretical variance of a pixel's albedo over seeds. Only near cliff and far cliff are stochastic. Their random numbers are
 // independent, so their variances add with squared weights.
 fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurface {
     var variance = vec3<f32>(0.0);

@@ -13,7 +13,8 @@ struct Biplanar {
 }
 
 // Scales n to length 1, then weights its two largest components: ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8), normalised. `sharpness` is k, the
-// exponent of tri-planar weights; its eighth is the exponent here. On the eight diagonals, the first axis gets all the weight.
+// exponent of tri-planar weights; the exponent here is an eighth of k. On the eight diagonals, where all three components are equal in size, the
+// first axis gets all the weight.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));
     var axes = vec2<u32>(0u, 1u);

@@ -101,7 +101,7 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     ranks.into_iter().map(|rank| u32::try_from(rank).expect("65 536 points at most")).collect()
 }
 
-/// A pattern of points, and the energy of the pattern at every position.
+/// A pattern of points on a torus (opposite edges are joined), and the energy of the pattern at every position.
 struct Torus {
     slices: usize,
     /// The energy at every position, slice by slice, row by row.

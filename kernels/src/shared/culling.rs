@@ -2,8 +2,9 @@
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
-//! The tests are conservative: a margin for rounding errors, such as [`SLACK`], keeps visible terrain from being culled, in f32 and in f64, whether
-//! denormals are kept or flushed to zero. The cost is that invisible terrain within this margin is still drawn.
+//! The tests are conservative: each test has a margin for rounding errors, such as [`SLACK`], so that visible terrain is not culled. The margins
+//! suffice in f32 and in f64, whether a device keeps denormals or flushes them to zero. The cost is that invisible terrain within a margin is
+//! still drawn.
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
@@ -28,8 +29,8 @@ pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
 /// Largest accepted magnitude of a number. Sums of squares and products of numbers up to this limit fit f32.
 pub(crate) const MOST: f64 = 1e15;
-/// Vectors of at most this size are treated as having no direction. The limit is well above 1e-19, below which the squares of numbers are denormal in
-/// f32. The size of a cone's axis is its largest component; the size of the vector to a patch is its length, metres.
+/// Vectors of at most this size count as vectors without direction in [`faces_away`]. The size of a cone's axis is its largest component; the size of
+/// the vector to a patch is its length, metres. The limit is well above 1e-19, below which the squares of numbers are denormal in f32.
 pub(crate) const LEAST: f64 = 1e-15;
 /// Bound on the error of a sum of three products if denormal factors are flushed to zero. The other factor of each product is at most [`MOST`].
 pub(crate) const FLUSHED: f64 = 1e-22;
@@ -82,9 +83,9 @@ pub(crate) const KNOWN: f64 = 1.0 / 128.0;
 pub(crate) const NEAREST: f64 = 1e-6;
 /// Normalised device coordinates are clamped to ± this value. Farther outside the picture, the exact position makes no difference.
 const OUTSIDE: f64 = 4.0;
-/// Bound on the rounding error of a screen position, relative to 1 + |q|, where q is the quotient of two clip coordinates. The quotient has an error
-/// of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total. Errors of the clip coordinates themselves
-/// are added separately. The same bound is used for the rounding error of [`Cover::depth`].
+/// Bound on the rounding error of a screen position, relative to 1 + |q|, where q is x / w or y / w of the clip coordinates. The quotient has an
+/// error of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total. Errors of the clip coordinates
+/// themselves are added separately. The same bound is used for the rounding error of [`Cover::depth`].
 const FEW: f64 = 8.0 / 8_388_608.0;
 
 /// The pixels that a box covers on the screen, rounded outwards.
@@ -104,8 +105,9 @@ pub struct Cover<T> {
 /// The pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest pixels of the picture. The
 /// frustum test must cull such a box.
 ///
-/// `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are more than about
-/// 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
+/// `None` if it is unknown which pixels the box covers. This has three possible reasons: the box reaches the near plane; the rounding error of its
+/// distance is too large (the summed terms are more than about 2^14 times as large as the distance); or an input is out of range (`near` is below
+/// 1e-6 m, or a number is NaN, infinite or beyond 1e15).
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -155,8 +157,8 @@ pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     along(0).max(along(1))
 }
 
-/// Size of a level of the depth pyramid of a picture of `size` pixels (1..=16384 each), in texels: the picture's size / 2^level, **rounded up**. In
-/// WGSL: `culling_level_size`.
+/// Size, in texels, of a level of the depth pyramid: `size` / 2^`level`, **rounded up**, where `size` is the size of the picture, 1..=16384 pixels
+/// each. In WGSL: `culling_level_size`.
 ///
 /// If a level has an odd number of columns, the last column is alone in a texel of the next level. If sizes were rounded down, this column would be
 /// in no texel. The texel to the left would be read in its place, and a box that is visible only in this column would be culled. The sizes of the mip
@@ -276,7 +278,7 @@ mod tests {
         let [wrong, right] = culled(level_size);
         assert_eq!(wrong, 0);
         assert!(right > 500, "only {right} hidden boxes are culled");
-        // Negative control: the sizes of mip levels, which are rounded down.
+        // Negative control: the test must find wrongly culled boxes if sizes are rounded down, as for mip levels.
         let [wrong, _] = culled(|size, level| size.map(|side| (side >> level).max(1)));
         assert!(wrong > 10, "{wrong} visible boxes are culled if sizes are rounded down");
     }
@@ -293,7 +295,7 @@ mod tests {
         let plane = [0.6, 0.0, 0.8, -5.0];
         assert!(beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 4.9]));
         assert!(!beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 5.6]));
-        // The products are denormal in f32, but their sum is not.
+        // Each product is denormal in f32, but the sum is not. Flushed products must not cull the box.
         assert!(!beyond([1e-19_f32, 1e-19, 1e-19, -1.2e-38], [0.0; 3], [1.1e-19; 3]));
         assert!(!beyond(plane, [f64::NAN; 3], [f64::NAN; 3]) && !beyond(plane, [-f64::INFINITY; 3], [0.0; 3]));
     }

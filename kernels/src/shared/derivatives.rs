@@ -1,15 +1,16 @@
 //! Screen derivatives of the position, from depth and the triangle's plane.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018: the rays through the neighbouring pixels are intersected with the plane of the triangle
-//! at the point P. With P = t r, the plane's normal n and the neighbour's ray r' = r + s, the intersection is t (n.r / n.r') r'. The derivative is
-//! the intersection minus P, which equals t (s - r' (n.s / n.r')). This form avoids the subtraction of two long vectors that nearly cancel.
+//! that the pixel shows. Let r be the ray of the pixel, P = t r the point that it shows, n the plane's normal, and r' = r + s the neighbour's ray.
+//! The neighbour's ray meets the plane at t (n.r / n.r') r'. The derivative is this intersection minus P, which equals t (s - r' (n.s / n.r')). This
+//! form avoids the subtraction of two long vectors that nearly cancel.
 
 use super::octahedral::unit;
 use super::real::{Real, add, dot, length, scale, sub};
 
-/// Lower limit of |cosine| of the angle between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by this limit.
-/// With this limit, the step along the surface is at most about 100 times the step across the view. This is far more than the anisotropy of a texture
-/// filter. Beyond the horizon of the plane, the ray does not hit the plane at all.
+/// Lower limit of |cosine| of the angle between the plane's normal and the neighbouring pixel's ray. A smaller |cosine| is replaced by this limit,
+/// and so is a cosine of the other sign: beyond the horizon of the plane, the ray does not hit the plane at all. With this limit, the step along the
+/// surface is at most about 100 times the step across the view. This is far more than the anisotropy of a texture filter.
 pub const MIN_COSINE: f64 = 0.01;
 
 /// Step, metres, from the point at which a pixel sees a plane to the point at which its neighbour sees the same plane. The pixel's point is

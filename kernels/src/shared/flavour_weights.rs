@@ -1,9 +1,13 @@
-//! Which shading flavours a point needs, and their weights.
+//! Which shading flavours a point needs, and their weights. A flavour is one of the five ways in which terrain is shaded.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". By slope, the surface is divided into cliff, ground, and
-//! between them a splat band, whose slopes are just below those of cliffs. By distance, ground is divided into the flavours virtual texture and far
-//! atlas, and cliff into near cliff, far cliff and far atlas. The splat band is shaded by the flavour splat up to the distance at which near cliff
-//! ends, and as ground beyond it. Arrays are in the order of [`Flavour::ALL`].
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". By slope, the surface is divided into ground, the splat
+//! band and cliff; the slopes of the splat band are just below those of cliffs. By distance, from near to far:
+//!
+//! - Ground is shaded by the flavours virtual texture and far atlas.
+//! - Cliff is shaded by the flavours near cliff, far cliff and far atlas.
+//! - The splat band is shaded by the flavour splat up to the distance at which near cliff ends, and as ground beyond it.
+//!
+//! Arrays are in the order of [`Flavour::ALL`].
 //!
 //! [`Flavour::ALL`]: crate::variant::Flavour::ALL
 
@@ -97,10 +101,12 @@ pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     if bits == 0 { FAR_ATLAS } else { bits }
 }
 
-/// The weights of the flavours in a variant's `mask`, summing to 1. If not `forced`, a flavour that [`mask`] leaves out has weight zero here, too, so
-/// that a pixel looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`] before
-/// normalisation, so that the shader evaluates it. If no weight of the mask is above [`MIN_WEIGHT`], all flavours of the mask get equal weights. An
-/// empty mask counts as far atlas.
+/// The weights of the flavours in the `mask` of a variant (a shader that contains these flavours), summing to 1. An empty mask counts as far atlas.
+/// If no weight of the mask is above [`MIN_WEIGHT`], all flavours of the mask get equal weights.
+///
+/// If not `forced`, weights of at most [`MIN_WEIGHT`] become 0, as in [`mask()`], so that a pixel looks the same in every variant that contains all
+/// flavours of the pixel. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`] before normalisation, so that the shader evaluates
+/// it.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
     let mask = if mask & 31 == 0 { FAR_ATLAS } else { mask & 31 };
     let least = T::of(if forced { FORCED_WEIGHT } else { 0.0 });

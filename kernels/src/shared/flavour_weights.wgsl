@@ -13,11 +13,11 @@ struct FlavourParams {
     cliff_near_m: f32,
     // Half the width of the transition between two flavours, as a share of the distance at which they change, 0..=1.
     distance_blend: f32,
-    // Two values of the unit normal's z, first < second. Surfaces with z below the first count as cliff, surfaces with z above the second do not;
-    // between the two values, cliff fades out. If the second is -1 or less, there are no cliffs.
+    // Two values of the unit normal's z, first <= second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
+    // not. Between the two values, the weight of cliff falls to 0. If the second value is -1 or less, there are no cliffs.
     cliff_cos: vec2<f32>,
-    // The splat band: two values of the unit normal's z, first < second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat
-    // if z is below the first, and as ground if z is above the second; between the two values, splat fades out.
+    // The splat band: two values of the unit normal's z, first <= second. Surfaces nearer than `cliff_near_m` that are not cliff are shaded as splat
+    // if z is below the first, and as ground if z is above the second. Between the two values, the weight of splat falls to 0.
     splat_cos: vec2<f32>,
     // Not 0 if there is a splat band.
     splat_enabled: u32,
@@ -99,10 +99,11 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
     return select(0.0, select(w, max(w, FLAVOUR_FORCED_WEIGHT), forced), present);
 }
 
-// The weights of the flavours in a variant's mask, summing to 1. If `forced` is 0, weights of at most FLAVOUR_MIN_WEIGHT become 0, as in
-// `flavour_mask`, so that a pixel looks the same in every variant that contains its mask; if no weight of the mask is larger, all flavours of the
-// mask get equal weights. If `forced` is not 0, every flavour of the mask gets at least FLAVOUR_FORCED_WEIGHT before normalisation, so that the
-// shader evaluates it. An empty mask counts as far atlas.
+// The weights of the flavours in the mask of a variant (a shader that contains these flavours), summing to 1. An empty mask counts as far atlas. If
+// no weight of the mask is above FLAVOUR_MIN_WEIGHT, all flavours of the mask get equal weights.
+// If `forced` is 0, weights of at most FLAVOUR_MIN_WEIGHT become 0, as in flavour_mask, so that a pixel looks the same in every variant that contains
+// all flavours of the pixel. If `forced` is not 0, every flavour of the mask gets at least FLAVOUR_FORCED_WEIGHT before normalisation, so that the
+// shader evaluates it.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

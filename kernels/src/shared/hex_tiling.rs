@@ -6,9 +6,9 @@
 //! is a third where three hexagons meet. Heitz and Neyret divide the difference between the blend and the mean by √Σ w², which needs a texture with a
 //! Gaussian histogram.
 //!
-//! Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of two, and the skew of the lattice is 37/64.
-//! The edge of a sector is therefore a whole number of fixed-point steps, which are 2^-16 of the lattice spacing. So the ids of hexagons are exact
-//! integers (modulo 2^16) at any distance from the origin.
+//! Hexagons lie in the plane of the projection. Their centres form a skewed lattice. The skew, exactly 1/√3, is rounded to 37/64, and the number of
+//! hexagons along a sector is a power of two. The edge of a sector is therefore a whole number of fixed-point steps, which are 2^-16 of the lattice
+//! spacing. So the ids of hexagons are exact integers (modulo 2^16) at any distance from the origin.
 
 use super::real::Real;
 use super::{bounded, hash, usable};

@@ -1,4 +1,4 @@
-//! Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each other layer.
+//! Eight layers blended one over the other. Layer 0 is opaque; each other layer has an opacity at each point.
 //!
 //! Source: Luna, *Introduction to 3D Game Programming with DirectX 12*, 2016, terrain rendering. If p are the opacities, the final weight of a layer
 //! is w_i = p_i Π_{j>i} (1 - p_j). A blend map is normally painted. Here, the opacities follow from the splat map: p_j = m_j / Σ_{i≤j} m_i, where m_j

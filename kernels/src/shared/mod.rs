@@ -1,12 +1,17 @@
 //! Functions that several stages share. Each WGSL file has a Rust reference with the same file name.
 //!
 //! A WGSL file contains free functions whose names begin with the topic of the file. It has no bindings, overrides or directives, so that any shader
-//! can use it. Most Rust functions are generic over [`real::Real`]. Their results in f64 count as exact. The error of their results in f32 is the
-//! yardstick for the error of the shader. The Rust function `hash::pcg4d` is named `hash_pcg4d` in WGSL; most names correspond in this way. Some
-//! descriptions of Rust functions give the WGSL name explicitly.
+//! can use it. The Rust function `hash::pcg4d` is named `hash_pcg4d` in WGSL; most names correspond in this way. Some descriptions of Rust functions
+//! give the WGSL name explicitly.
 //!
-//! As a rule, NaN and infinity in an input do not reach the result of a function. Exceptions are functions whose documentation says that they only
-//! copy numbers, conversions between types, and the plain arithmetic of [`real`], [`signal`] and [`view`], which requires finite input.
+//! Most Rust functions are generic over [`real::Real`]. Their results in f64 count as exact. The error of their results in f32 shows which error to
+//! expect of the shader.
+//!
+//! As a rule, NaN and infinity in an input do not reach the result of a function. There are three exceptions:
+//!
+//! - functions that only copy numbers, as their documentation says,
+//! - conversions between types,
+//! - the plain arithmetic of [`real`], [`signal`] and [`view`], which requires finite input.
 
 pub mod biplanar;
 pub mod blue_noise;

@@ -3,8 +3,9 @@
 // Source: Welford, "Note on a Method for Calculating Corrected Sums of Squares and Products", Technometrics 4(3), 1962;
 // two-sum: Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B.
 
-// WGSL lets a compiler replace (a + b) - a by b. Mesa does so, and this removes the compensation. A sum that must be rounded therefore passes through
-// an exclusive or with `zero`. This word is always 0, but it is read from memory, so the compiler cannot assume its value.
+// Returns x. The function prevents the compiler from simplifying the expression that computes x: WGSL lets a compiler replace (a + b) - a by b. Mesa
+// does so, and this removes the compensation. `zero` is a word that is always 0, but it is read from memory, so the compiler cannot assume its value
+// and cannot remove the exclusive or.
 fn moments_rounded(x: f32, zero: u32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ zero);
 }

@@ -1,9 +1,10 @@
 //! Computes at which pixel an earlier camera saw a point of this frame, from depth and the two cameras.
 //!
-//! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and the component of r along the view
-//! direction f is 1. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and
-//! dy. The formula for y is analogous. This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a
-//! matrix whose translation would lose digits far from the origin.
+//! The earlier camera sees pixel (x, y) along the ray r(x, y) = r00 + x dx + y dy. Here, r00 is the ray of pixel (0, 0), and dx and dy are the steps
+//! of the ray to the right and down. The component of each ray along the view direction f is 1. So a point q, relative to the earlier eye, has the
+//! distance t = q . f along f. Because dx is perpendicular to f and dy, its pixel has x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2. The formula for y
+//! is analogous. This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose
+//! translation would lose digits far from the origin.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -116,9 +117,9 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a row of pixels belongs to one of four quarters of the rows; `quarter` is 0 to 3. The rows are divided into groups of four, and each group
-/// has one row of each quarter. From each group to the next, the place of a quarter's row in its group moves by one. In WGSL:
-/// `motion_row_of_quarter`, which returns the row of a quarter in a group.
+/// Whether a row of pixels belongs to a quarter of the rows, `quarter` = 0..=3. Each quarter has one row of each group of four consecutive rows. From
+/// each group to the next, the position of this row in the group moves by one. In WGSL: `motion_row_of_quarter`, which returns the row of a quarter
+/// in a group.
 pub fn in_quarter(row: u32, quarter: u32) -> bool {
     row % 4 == (quarter + row / 4) % 4
 }

@@ -17,9 +17,10 @@ struct MotionPast {
 
 // MOTION_MIN_DISTANCE, MOTION_FAR: a point is reprojected only if its distance along the earlier view direction is between these limits, metres.
 
-// Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
-// the point is behind the earlier camera, its distance is not between MOTION_MIN_DISTANCE and MOTION_FAR, a coordinate of the pixel is beyond 1e9, or
-// the input is not finite, then the distance is 0 and both coordinates of the pixel are -1e9.
+// Returns (x, y, distance): the pixel at which the earlier camera sees `point`, and the distance along the earlier view direction. `point` is
+// relative to this frame's eye; x and y are whole numbers at pixel centres. The result is (-1e9, -1e9, 0) if the distance is not between
+// MOTION_MIN_DISTANCE and MOTION_FAR (also for points behind the earlier camera), if a coordinate of the pixel is beyond 1e9, or if the input is not
+// finite.
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);
@@ -57,9 +58,10 @@ fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
 
-// The row that belongs to `quarter`, 0..=3, in the group of four rows that begins at row `first`, a multiple of 4. A quarter consists of whole rows,
-// because the pixels of a row share cache lines. From each group to the next, the place of this row in the group moves by one, so a pattern with a
-// period of 2 or 4 rows is sampled evenly. Each row belongs to exactly one quarter.
+// Returns one row of pixels of the group of four rows that begins at row `first`, a multiple of 4: the row that belongs to `quarter`, 0..=3. Costly
+// measurements use only one quarter of the rows. A quarter consists of whole rows, because the pixels of a row share cache lines. From each group to
+// the next, the position of its row in the group moves by one, so a pattern with a period of 2 or 4 rows is sampled evenly. Each row belongs to
+// exactly one quarter.
 fn motion_row_of_quarter(first: u32, quarter: u32) -> u32 {
     return first + ((quarter + first / 4u) & 3u);
 }

@@ -5,10 +5,11 @@
 //! (white noise, interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Over seeds, the thresholds of each kind are
 //! uniform. The kinds differ in how neighbouring pixels and frames are correlated.
 //!
-//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) divides space into cells that are about as wide as a pixel, and hashes the cell
-//! that contains the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size are blended, so that the size
-//! follows the camera without a visible jump. The blend is not uniform; its distribution function converts it to a uniform number. Here cells are
-//! exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally well at the origin and 1000 km from it.
+//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) divides space into cells that are about as wide as a pixel. The random numbers of
+//! a point are a hash of the cell that contains the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size
+//! are blended, so that there is no visible jump when the camera moves. The blend is not uniform; its distribution function converts it to a uniform
+//! number. Here cells are exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally well at the
+//! origin and 1000 km from it.
 //!
 //! The anisotropic kind has one scale per axis, but a single blend factor. Its thresholds therefore jump where the scale of one axis passes a power
 //! of two and the scales of the other axes do not. This is a limit of the published method.
@@ -29,11 +30,13 @@
 //!   an elevation of whole metres would lie on a border, and one step of f32 would move all of it to other cells.
 //!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
-//! direction: a rational lattice whose 3 x 3 neighbourhoods contain evenly spread values. It is computed in fixed point here, where the products are
-//! exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be independent;
-//! therefore the four decisions use the pixel coordinates in four ways: as they are, mirrored, transposed, and both. The published function alone is
-//! not uniform: its factor 52.98 is not a whole number, so values above 0.983 are 1.9 % too rare. A hashed offset, which is added modulo 1 for each
-//! decision, corrects this.
+//! direction: a rational lattice whose 3 x 3 neighbourhoods contain evenly spread values. Here, it is computed in fixed point, where the products are
+//! exact. Two additions make the thresholds of the four decisions uniform and independent:
+//!
+//! - The decisions use the pixel coordinates in four ways: as they are, mirrored, transposed, and both. Each decision also shifts the coordinates by
+//!   whole pixels, but a shift alone is not enough, because it changes all values by almost the same amount.
+//! - Each decision adds a hashed offset, modulo 1. The published function alone is not uniform: its factor 52.98 is not a whole number, so values
+//!   above 0.983 are 1.9 % too rare.
 
 use std::fmt;
 use std::str::FromStr;
@@ -48,19 +51,20 @@ pub const LEVEL_MIN: i32 = -5;
 pub const LEVEL_MAX: i32 = 16;
 /// No cell is narrower than 2^`STEPS` times the distance between neighbouring f32 values at the coordinate of the cell.
 pub const STEPS: i32 = 4;
-/// Scale of the smallest cells along an axis whose largest coordinate is 1 m, before it is limited to [`LEVEL_MAX`]: f32 has 23 bits after the
-/// leading one.
+/// Scale of the smallest cells along an axis whose largest coordinate is 1 m, before the limit [`LEVEL_MAX`] is applied. At 1 m, neighbouring f32
+/// values are 2^-23 m apart.
 const FINEST_AT_1_M: i32 = 23 - STEPS;
-/// The smallest f32 above the square root of 2, as bits after the leading one. The finest scale changes where the elevation passes 2^n times this
-/// number; below 11.3 m, it is constant, because it is limited to [`LEVEL_MAX`]. The scale does not change at the powers of two, because level ground
-/// often has such an elevation, and rounding would switch its scale.
+/// The bits after the leading one of the smallest f32 above √2. The finest scale along the elevation changes where the elevation passes 2^n √2 m
+/// with n of at least 3. At lower elevations (below 11.3 m), the limit [`LEVEL_MAX`] applies. The scale does not change at 2^n m, because level
+/// ground often has such an elevation, and rounding would then switch the scale from pixel to pixel.
 const OCTAVE_BORDER: u32 = 0x35_04f4;
 /// Lower limit of the footprint along any axis in the anisotropic kind, as a share of the footprint along the axis on which the footprint is widest.
 /// A power of two, so that the product is exact.
 pub const LEAST_SHARE: f64 = 1.0 / 16.0;
-/// Share of the cell width by which borders between cells are above the multiples of the cell width, along the elevation: a third, as the nearest
-/// f32. Elevations in data are usually rounded to decimals or to binary fractions, and thus not to a third of a cell. The share must not be close to
-/// 1: the fraction of a small negative number is close to 1, and f32 rounds it more coarsely than f64, so the two could compare differently.
+/// Along the elevation, borders between cells are above the multiples of the cell width by this share of the cell width: a third, as the nearest f32.
+/// Elevations in data are usually rounded to decimals or to binary fractions, and thus not to a third of a cell. The share must not be close to 1.
+/// The fraction of a small negative number is close to 1, and f32 rounds this fraction more coarsely than f64, so f32 and f64 could find different
+/// cells.
 pub const BORDER: f64 = 11_184_811.0 / 33_554_432.0;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
@@ -418,10 +422,12 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
 /// Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
-/// The cell that contains a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
-/// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and a
-/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32. Borders between cells are at the
-/// multiples of the cell width. Along the elevation, they are higher by the share [`BORDER`] of the cell width.
+/// The cell that contains a point: one integer per axis, modulo 2^32. Cells are 2^-`k` m wide along each axis. Borders between cells are at the
+/// multiples of the cell width. Along the elevation, they are higher by the share [`BORDER`] of the cell width. The hashed kinds and the white noise
+/// of fixed cells hash these integers.
+///
+/// `k` should be in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and a sector would not have a whole
+/// number of cells. With a larger `k`, the number of a cell could exceed i32.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());

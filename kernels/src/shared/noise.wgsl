@@ -1,12 +1,14 @@
 // Random thresholds in [0, 1) for stochastic choices. Each call returns four independent thresholds, one for each random decision of a pixel.
-// Source of the two hashed kinds: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017. They compute a scale from screen derivatives (one for
-// all axes, or one per axis), blend the random numbers of two discrete scales, and make the blend uniform by its distribution function.
-// Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise works equally well at the origin and
-// 1000 km from it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
+// Source of the two hashed kinds: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017. The wanted width of a cell follows from screen derivatives (one
+// width for all axes, or one per axis), but the widths of cells are powers of two. The random numbers of the two widths next to the wanted one are
+// blended, and the distribution function of the blend converts the result to a uniform number.
+// Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise works equally well at the origin and 1000 km from
+// it. noise.rs describes the other kinds of noise, and the constants NOISE_... that the host passes to this file.
 
-// Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. The width of a sector is a power of two and at least 32 m, so its
-// edge is a whole number of cells long for every k. noise_finest returns the largest k for a place. The buffer of ranks stores the blue-noise mask,
-// then the slices of the spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row by row.
+// A scale is a number k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX and means 2^k cells per metre. The width of a sector is a power of two and at least
+// 32 m, so its edge is a whole number of cells long for every k. noise_finest returns the largest k for a place.
+// The buffer of ranks stores the blue-noise mask, then the slices of the spatio-temporal mask, each with NOISE_MASK_EDGE x NOISE_MASK_EDGE ranks, row
+// by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
@@ -66,8 +68,8 @@ fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
 }
 
-// Cell along the elevation. Borders are a third of a cell above the multiples of the cell width, because level ground is often at an
-// elevation of whole metres.
+// Cell along the elevation. Borders are a third of a cell above the multiples of the cell width. Level ground is often at an elevation of whole
+// metres; on a border, rounding would move it from one cell to another.
 fn noise_cell_up(elevation: f32, k: i32) -> u32 {
     let scaled = noise_place(elevation) * noise_power_of_two(k);
     return noise_cell(0, elevation, 0.0, k) + select(0u, 1u, scaled - floor(scaled) >= NOISE_BORDER);
@@ -130,7 +132,8 @@ fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f3
     // factor sqrt 2 compensates for this.
     let across = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
     let width = vec3<f32>(usable_positive_1(across.x, 1e6), usable_positive_1(across.y, 1e6), usable_positive_1(across.z, 1e6));
-    // The elevation does not change along level ground. Without a lower limit, cells would be smallest along the elevation.
+    // On level ground, the elevation does not change between pixels. Without a limit, cells would be so low that rounding errors of the elevation
+    // change the cell.
     let footprint = max(width, vec3<f32>(NOISE_LEAST_SHARE * max(width.x, max(width.y, width.z))));
     let finest = noise_finest(sector_m, position.z);
     let level = vec3<f32>(noise_level(footprint.x, finest.x), noise_level(footprint.y, finest.y), noise_level(footprint.z, finest.z));
@@ -173,8 +176,9 @@ fn noise_interleaved_gradient_value(pixel: vec2<u32>, frame: u32) -> u32 {
     return inner * NOISE_IGN_WHOLE + noise_high_product(inner, NOISE_IGN_REST);
 }
 
-// Interleaved gradient noise for four decisions. For each decision, the pixel is shifted by whole pixels, and the value gets an offset modulo 1.
-// Shifted copies of one lattice would not be independent, so the four decisions use the coordinates as they are, mirrored, transposed, and both.
+// Interleaved gradient noise for four decisions. For each decision, the pixel is shifted by whole pixels, and the value gets an offset modulo 1. A
+// shift changes all values by almost the same amount, so it does not make the decisions independent. They therefore also use the pixel coordinates in
+// four different ways: as they are, mirrored, transposed, and both.
 fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
     var units: vec4<f32>;
     for (var decision = 0u; decision < 4u; decision++) {

@@ -1,11 +1,16 @@
 //! Two normals in 32 bits: the normal of the triangle's plane, from which screen derivatives are computed, and the shading normal.
 //!
-//! Two octahedral codes of 8 + 8 bits would give both normals the same number of bits. But the plane needs more precision. The shading normal comes
-//! from a texture, whose filter blurs it anyway. An error of the plane's normal enters the derivatives divided by the cosine of the angle of
-//! incidence. Two facts save bits for the plane. First, a plane has no front side, so half of the octahedron can represent all planes. Second, the
-//! shading normal is usually near the plane's normal, so its code can be predicted from the plane, and only the low bits of the code are stored. With
-//! the saved bits, the lattice of plane normals is 8 times finer: this is the *fine* form. If the two normals are too far apart, the lattice has 127
-//! steps, as in an octahedral code of 8 + 8 bits: this is the *plain* form. Both forms keep the 8 + 8 bits of the shading normal exactly:
+//! Two octahedral codes of 8 + 8 bits would give both normals the same number of bits. But the plane needs more precision: an error of its normal
+//! enters the derivatives divided by the cosine of the angle of incidence. The shading normal comes from a texture, whose filter blurs it anyway. Two
+//! facts save bits for the plane:
+//!
+//! - A plane has no front side, so half of the octahedron can represent all planes.
+//! - The shading normal is usually near the plane's normal, so its code can be predicted from the plane, and only the low bits of the code are
+//!   stored.
+//!
+//! A plane's normal is rounded to a point of a lattice on the octahedron. With the saved bits, this lattice is 8 times finer than that of an
+//! octahedral code of 8 + 8 bits: this is the *fine* form. If the two normals are too far apart, the lattice is that of such a code: this is the
+//! *plain* form. Both forms keep the 8 + 8 bits of the shading normal exactly:
 //!
 //! | form | bit 31 | bits of the plane | bits of the shading normal |
 //! | --- | --- | --- | --- |
@@ -66,9 +71,9 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// Returns the lattice point nearest to the unit vector `n` (z at least 0), of those around `n` whose plane faces `ray` with the same side. A lattice
-/// point is the normal of a plane that the encoding can store, and `ray` is the unit vector along which the plane is seen. Because `n` lies between
-/// the points around it, at least one of them faces `ray` as `n` does, apart from rounding.
+/// Returns the lattice point nearest to the unit vector `n` (z at least 0). A lattice point stands for the plane with this normal, and `ray` is the
+/// unit vector along which the plane is seen. The candidates are those of the four points around `n` whose planes are seen from the same side as the
+/// plane with normal `n`. Because `n` lies between the four points, at least one of them is a candidate, apart from rounding.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");
@@ -225,7 +230,7 @@ mod tests {
             assert_eq!(decode::<f64>(encode(n, ray, shading)).shading, shading, "{n:?}");
             assert_eq!(decode::<f64>(encode(single(n), single(ray), shading)).shading, shading, "{n:?} in f32");
             let usable = n.iter().all(|x| x.abs() <= 1e30) && n.iter().any(|x| x.abs() > 1e-30);
-            // The z axis is exact, and vertical planes keep z = 0 exactly. A vector without direction counts as z.
+            // The z axis decodes exactly, and the normal of a vertical plane keeps z = 0 exactly. A vector without direction counts as the z axis.
             if !usable || n[0] == 0.0 && n[1] == 0.0 {
                 assert_eq!(decode::<f64>(encode(n, ray, shading)).plane, [0.0, 0.0, 1.0], "{n:?}");
             } else if n[2] == 0.0 {
@@ -243,7 +248,7 @@ mod tests {
         for _ in 0..400_000 {
             let (n, ray) = (draw.direction(), draw.direction());
             let own = octahedral::encode_precise(if n[2] < 0.0 { n.map(|x| -x) } else { n }, 8);
-            // A code on the other side of the octahedron is too far from the prediction for the fine form.
+            // The second code is about 127 steps from the predicted code. This is too far for the fine form, so it tests the plain form.
             for (mode, shading) in [own, own.map(|q| (q + 127) % 255)].into_iter().enumerate() {
                 let word = encode(n, ray, shading);
                 assert_eq!(word >> 31, u32::try_from(mode).expect("0 or 1"));
@@ -262,9 +267,9 @@ mod tests {
         assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
     }
 
-    /// A random pixel of a random camera that sees a plane from above, at an angle of incidence of `incidence` degrees: the ray, its steps to the
-    /// neighbours, and the plane's normal, whose z is at least 0. The vertical field of view is uniform in 20..100 degrees; the orientation and the
-    /// pixel of 1920 x 1080 are arbitrary.
+    /// Returns a ray, its steps to the neighbouring pixels, and the normal of a plane, whose z is at least 0. They belong to a random pixel of a
+    /// random camera that sees the plane from above, at an angle of incidence of `incidence` degrees. The vertical field of view is uniform in
+    /// 20..100 degrees; the orientation and the pixel of 1920 x 1080 are arbitrary.
     fn sight(draw: &mut Draw, incidence: f64) -> ([f64; 3], [[f64; 3]; 2], [f64; 3]) {
         let forward = draw.direction();
         let right = draw.leaning(forward, std::f64::consts::FRAC_PI_2);
@@ -332,7 +337,8 @@ mod tests {
     #[test]
     fn no_derivative_is_reversed_next_to_edge_on() {
         let mut draw = draw(4);
-        // Number of sights with a reversed derivative: with fine words, with plain words, and with plain words encoded without a ray.
+        // Number of random pixels with a reversed derivative: with fine words, with plain words, and with plain words encoded without a ray (negative
+        // control).
         let mut reversed = [0; 3];
         const SIGHTS: usize = 20_000;
         for _ in 0..SIGHTS {

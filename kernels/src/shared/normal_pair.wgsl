@@ -70,8 +70,8 @@ fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
     return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
 }
 
-// Encodes a plane and the code of a shading normal in a word. `plane` is a normal of any length and either sign, `ray` leads from the eye to the
-// plane, `shading` is as in NormalPair; larger codes count as 254.
+// Encodes a plane and the code of a shading normal in a word. `plane` is a normal of the plane, of any length and either sign. `ray` leads from the
+// eye to the plane. `shading` is a code as in NormalPair; larger codes count as 254.
 fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u32 {
     let n = octahedral_unit(plane);
     let upper = select(n, -n, n.z < 0.0);

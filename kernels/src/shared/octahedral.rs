@@ -50,7 +50,7 @@ pub fn half(bits: u32) -> u32 {
     (1 << (bits.clamp(2, 24) - 1)) - 1
 }
 
-/// Rounds each coordinate, which is clamped to ±1, to the nearest integer, `0..=2 half`, of a code with `bits` bits ("oct" in the survey).
+/// Clamps each coordinate to ±1 and rounds it to the nearest integer of a code with `bits` bits, `0..=2 half` ("oct" in the survey).
 pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
     let half = f64::from(half(bits));
     e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))

@@ -5,7 +5,8 @@
 
 // Largest value of an 8-bit code before it is stored: codes are computed as -127..=127 and stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
-// The step of the codes, 1 / 127. 127 times this f32, rounded to f32, is exactly 1; a division on a GPU need not be exact.
+// The step of the codes, 1 / 127. Codes are multiplied by this f32, because 127 times this f32, rounded to f32, is exactly 1. A division by 127 need
+// not be exact on a GPU.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
 // Unit vector along v; the z axis if v has no usable direction (if all components are at most 1e-30 in magnitude, or if one component is above 1e30

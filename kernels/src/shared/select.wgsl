@@ -19,7 +19,7 @@ fn select_of_4(weights: vec4<f32>, u: f32) -> u32 {
     if target_sum < below_3 {
         return 2u;
     }
-    // Here, index 3 is chosen, u is 1, the product was rounded up to the total, or all weights are 0.
+    // This point is reached if index 3 is chosen, if u is 1, if the product was rounded up to the total, or if all weights are 0.
     if w.w > 0.0 {
         return 3u;
     }

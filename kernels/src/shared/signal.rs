@@ -9,7 +9,7 @@ use crate::base::wgsl::Constant;
 /// The quantity that the colour of a pixel stands for. Most metrics exist for both signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Signal {
-    /// Linear albedo, before lighting. Only this signal has a theory of bias and variance.
+    /// Linear albedo, before lighting. Bias and variance can be predicted by theory for this signal only.
     #[default]
     Albedo,
     /// The lit picture as a screen shows it: sRGB-encoded values, after exposure and tone curve.

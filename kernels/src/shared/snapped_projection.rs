@@ -1,11 +1,12 @@
 //! A single projection. Gentle slopes are projected from above. Steep slopes are projected horizontally, in the direction whose azimuth is the
 //! multiple of 45° that is nearest to the normal's azimuth.
 //!
-//! Planes 0, 1 and 2 are those of tri-planar projection along x, y and z. Textures on plane 3 are projected along (1, 1), on plane 4 along
-//! (1, -1).
-//! After Terrain3D (TokisanGames, `main.glsl`, `get_material`): there, the normal at a splat texel is rounded to a coarse grid if its vertical
-//! component is below a threshold (0.8), and the texture is projected onto the plane perpendicular to the rounded normal. Here, the normal of the
-//! pixel is used, and only its azimuth is rounded.
+//! Planes 0, 1 and 2 are those of tri-planar projection along x, y and z. Textures on plane 3 are projected along the horizontal direction (1, 1), on
+//! plane 4 along (1, -1).
+//!
+//! After Terrain3D (TokisanGames, `main.glsl`, `get_material`). There, the normal at a splat texel is used. If its vertical component is below 0.8,
+//! it is rounded to a coarse grid, and the texture is projected onto the plane perpendicular to the rounded normal. Here, the normal of the pixel is
+//! used, and only its azimuth is rounded.
 
 use super::octahedral::unit;
 use super::real::Real;
@@ -58,9 +59,10 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`], which stores numbers modulo 2^32. On a
-/// diagonal plane, only the 24 fractional bits of the result are valid, because the computation divides the number by 256. There, use the result with
-/// scale 0 only.
+/// Converts the repeats per sector of [`super::tiling::per_sector_fixed`] to the repeats per sector along the first coordinate of a plane, in the
+/// same fixed-point format: 24 fractional bits, modulo 2^32. On planes 3 and 4, the number is multiplied by 181/256. The bits that were lost modulo
+/// 2^32 belong to the whole part of this product. So only the 24 fractional bits are valid there, and [`super::tiling::fixed`] must be called with
+/// scale 0.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),

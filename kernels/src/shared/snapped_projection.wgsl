@@ -57,8 +57,9 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     return place.xy;
 }
 
-// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. That format stores numbers modulo 2^32. On a diagonal
-// plane, the number is divided by 256, so only the 24 fractional bits of the result are valid, and the result can be used with scale 0 only.
+// Converts the repeats per sector to the repeats per sector along the first coordinate of a plane, both in the fixed-point format of tiling_fixed: 24
+// fractional bits, modulo 2^32. On a diagonal plane, the number is divided by 256, so only the 24 fractional bits of the result are valid. There,
+// tiling_fixed must be called with scale 0.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);

@@ -14,8 +14,9 @@ pub fn level<T: Real>(lod: T, levels: u32, u: T) -> u32 {
     (l.floor().to_u32().expect("clamped to the mip levels") + above).min(last)
 }
 
-/// Chooses a texel along one axis of a mip level that has `size` texels (at least 1) and repeats. The result is one of the two texels whose centres
-/// are nearest to the coordinate. The unit of the coordinate is one repeat of the texture. Coordinates beyond 10^5 and NaN count as 0.
+/// Chooses a texel along one axis of a mip level of a repeating texture; the level has `size` texels (at least 1) along this axis. The result is one
+/// of the two texels whose centres are nearest to the coordinate. The unit of the coordinate is one repeat of the texture. Coordinates beyond 10^5
+/// and NaN count as 0.
 pub fn texel<T: Real>(coordinate: T, size: u32, u: T) -> u32 {
     let texels = size.max(1);
     let c = if coordinate.abs() <= T::of(1e5) { coordinate } else { T::zero() };

@@ -10,8 +10,8 @@ fn texel_choice_level(lod: f32, levels: u32, u: f32) -> u32 {
     return u32(min(below + select(0.0, 1.0, u < l - below), last));
 }
 
-// Chooses a texel along one axis of a mip level that has `size` texels and repeats: one of the two texels whose centres are nearest to the
-// coordinate. The unit of the coordinate is one repeat of the texture.
+// Chooses a texel along one axis of a mip level of a repeating texture; the level has `size` texels along this axis. The result is one of the two
+// texels whose centres are nearest to the coordinate. The unit of the coordinate is one repeat of the texture.
 fn texel_choice_texel(coordinate: f32, size: u32, u: f32) -> u32 {
     let texels = f32(max(size, 1u));
     let usable = select(0.0, coordinate, usable_within_1(coordinate, 1e5));

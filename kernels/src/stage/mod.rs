@@ -1,8 +1,7 @@
-//! The declaration of a stage of the frame, made once per stage: its name, shader modules, passes, settings and allocations, how it is built, and
-//! what it reports.
+//! Stages of the frame. Each stage declares its name, shader modules, passes, settings and allocations, how it is built, and what it reports.
 //!
-//! The table of stages (`frame/stages.rs`) lists the stages. Building, hot reload, `explain`, settings, the tests of shaders, and the workbench's
-//! panels use it. The order in which stages draw is written by hand, in `draw_into` (`frame/mod.rs`).
+//! The table of stages (`frame/stages.rs`) lists the stages. It is used by building, hot reload, the command `explain`, settings, shader tests, and
+//! the panels of the workbench. The order in which stages draw does not follow from the table; it is written out in `draw_into` (`frame/mod.rs`).
 
 use crate::base::error::Result;
 use crate::base::section::Section;

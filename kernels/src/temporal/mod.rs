@@ -6,8 +6,8 @@
 //! *FlipQuad*: a pixel has four samples, one on each edge, and shares each with the neighbour at this edge. The current frame provides two of the
 //! samples, the previous frame the other two (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of
 //! Far Cry 4*, GDC 2015).
-//! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
-//! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
+//! A pixel shades one sample per frame. The derivatives for texture filtering are steps of a whole pixel on the plane of the triangle, not
+//! differences between samples of neighbouring pixels. So the derivatives of both frames match. Far Cry 4 had to reorder the samples to achieve this.
 //!
 //! Reads the ring of shaded pictures, the links, the positions that the surface points had one frame before, and the previous history. Writes the
 //! ring of resolved pictures and the new history. Dispatch: one workgroup per 8 x 8 pixels.
@@ -215,8 +215,9 @@ impl Temporal {
         Ok(Temporal { pipeline, frame_layout, layout })
     }
 
-    /// Records the resolve of frame `index` of one stream. Reads `signal`, the ring of shaded pictures. `resolved`: the ring of resolved pictures,
-    /// and a buffer with two histories. The pass reads the previous history and writes the new history.
+    /// Records the resolve of frame `index` of one stream, which is the sequence of pictures of one way to shade. `signal`: the ring buffer of shaded
+    /// pictures, which is read. `resolved`: the ring buffer of resolved pictures, and a buffer with the previous history, which is read, and the new
+    /// history, which is written.
     #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,

@@ -1,9 +1,11 @@
 // The position on the terrain that a pixel sees, and the pixel's footprint there, computed from the output of the geometry pass.
 
-// Returns the position of the frame's sample in a pixel, relative to the centre of the pixel, in pixels. With FlipQuad, the samples of one frame lie
-// on the left edges of the pixels, and those of the next frame on the top edges. A sample lies a sixth of a pixel to one side of the middle of its
-// edge; this side alternates from column to column on left edges, and from row to row on top edges. So a pixel that is not in the last column or row
-// has four samples on its edges, shared with its neighbours, at four different x coordinates and four different y coordinates.
+// Returns the position of the frame's sample in a pixel, relative to the centre of the pixel, in pixels.
+//
+// FlipQuad pattern: samples lie on the left edges of the pixels in one frame, and on the top edges in the next. A sample is a sixth of a pixel away
+// from the middle of its edge. The direction of this offset alternates from column to column on left edges, and from row to row on top edges. The two
+// frames together give each pixel four samples, one on each edge, which it shares with its neighbours. All four differ in x and in y. Pixels of the
+// last column and row have fewer samples.
 fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     let turn = select(vec2<f32>(0.16666667), vec2<f32>(-0.16666667), (pixel & vec2<u32>(1u)) == vec2<u32>(1u));
     if frame.sample_pattern == 1u {

@@ -1,9 +1,9 @@
-// Terrain data for any world position. The sector data give the node and its layer in the atlases; the splat texels give the materials and their
-// detail textures. The function `count_fetch` is called before every texture access by which shading reads terrain data.
+// Terrain data for any world position. The sector data give the node at a position and its layer in the atlases. The splat texels of the node give
+// the materials and their detail textures. Shading calls `count_fetch` before each texture access that reads terrain data.
 
 override COUNT_FETCHES: bool = false;
-// Whether detail textures are filtered anisotropically, with the gradients of the texture coordinates along both axes of the screen. If not, the mip
-// level of all three textures of a tap follows from the longer of the two gradients.
+// Whether detail textures are filtered anisotropically, with the gradients of the texture coordinates along both axes of the screen. If not,
+// filtering is isotropic, and the longer of the two gradients gives the mip level of each texture.
 override ANISOTROPIC: bool = false;
 // Whether detail textures are hex-tiled: each is sampled three times, at random offsets.
 override HEX_TILING: bool = false;
@@ -55,7 +55,7 @@ fn terrain_place(sector: vec2<i32>, local: vec3<f32>) -> Place {
     return Place(sector + vec2<i32>(steps), vec3<f32>(local.xy - steps * frame.sector_m, local.z));
 }
 
-// The finest loaded node at a position: its atlas slot (0 = none) and the position in the node, 0..1.
+// The finest loaded node at a position: its atlas slot (0 = no node is loaded there), and the position in the node, 0..1.
 struct NodePlace {
     slot: u32,
     uv: vec2<f32>,
@@ -83,7 +83,7 @@ fn terrain_node(place: Place) -> NodePlace {
     return NodePlace(0u, vec2<f32>(0.0));
 }
 
-// Converts a position in a node to the texture coordinate in an atlas whose layers have 128 texels and a border of 2 texels on each side.
+// Converts a position in a node, 0..1, to the texture coordinate in an atlas. A layer has 128 x 128 texels and a border of 2 texels on each side.
 fn terrain_atlas_uv(node_uv: vec2<f32>) -> vec2<f32> {
     return (node_uv * 128.0 + 2.0) / 132.0;
 }
@@ -170,8 +170,8 @@ struct Projection {
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     let place = footprint.place;
-    // Elevation is split into whole multiples of a sector's width and a remainder, like the horizontal axes, so that texture coordinates are as
-    // accurate on a wall of a high mountain as at sea level.
+    // Like the horizontal coordinates, elevation is split into a whole number of sector widths and a remainder. So texture coordinates on walls are
+    // as accurate on a high mountain as at sea level.
     let storey = floor(place.position.z / frame.sector_m);
     let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
     let ddx = snapped_coordinates(footprint.ddx, plane) * frame.gradient_scale;
@@ -344,9 +344,10 @@ fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> S
 // Number of mip levels between the two bands of a texture: the fine band contains detail finer than 2^3 pixels.
 const TERRAIN_BAND_MIPS: f32 = 3.0;
 
-// Blends four taps with the albedo in two bands: twenty fetches, five per tap. The transition of each band is about as wide as the wavelength of the
-// band. The coarse band is blended with bilinear weights, so its transition is as wide as the splat cell. The fine band is blended with the weights
-// of the height blend, so its transition follows the relief. Gradient, smoothness and specular occlusion are blended like the fine band.
+// Blends four taps with the albedo split into two bands of frequencies: twenty fetches, five per tap. The transition between materials should be
+// about as wide as the wavelength of the band. So the coarse band is blended with bilinear weights, whose transition is as wide as the splat cell.
+// The fine band is blended with the weights of the height blend, whose transition follows the relief. Gradient, smoothness and specular occlusion are
+// blended like the fine band.
 // Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
 fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -375,11 +376,11 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
     return sum;
 }
 
-// Position of the lowest bit of the layer in `PaletteEntry.flags`. The first eight materials of the palette have layers of their own. Any
-// other material is drawn as the layer whose number is in its flags.
+// Position of the lowest bit of the layer number in `PaletteEntry.flags`, for the estimator `luna8`, which has eight layers. The first eight
+// materials of the palette have layers of their own. Any other material is drawn as the layer whose number is in its flags.
 const TERRAIN_LAYER_BITS: u32 = 8u;
 
-// Blends eight layers: twenty-eight fetches, for the four splat ids that form the blend map, and for the three textures of each layer. All
+// Blends eight layers with twenty-eight fetches: four for the splat ids, which form the blend map, and three for the textures of each layer. All
 // layers are always sampled, as in Luna's shader (see layers.wgsl).
 fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -398,8 +399,8 @@ fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surfac
     return sum;
 }
 
-// Blends four taps with plain bilinear weights: sixteen fetches (forty with hex tiling). If one tap is chosen at random with these weights as
-// probabilities, this blend is the mean of the result.
+// Blends four taps with plain bilinear weights: sixteen fetches (forty with hex tiling). This blend is the mean of an estimator that chooses one tap
+// at random with these weights as probabilities.
 fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();

@@ -47,9 +47,9 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: a Catmull-Rom spline through the keys. Whole turns are added to the yaw of keys, so that from each key to the
-/// next, the camera turns the shorter way. Frames after the last key have its pose. `ground_m` gives the elevation of the ground at a point. If all
-/// keys are relative to the ground, the pose of each frame is relative to the ground, too.
+/// The pose of frame `frame` of a path: a Catmull-Rom spline through the keys. From each key to the next, the camera turns the shorter way. Frames
+/// after the last key have the pose of that key. `ground_m` gives the elevation of the ground at a point. If all keys are relative to the ground, the
+/// pose of each frame is relative to the ground, too.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     let on_ground = path.keys.iter().all(|k| k.above_ground);
     let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
@@ -132,13 +132,13 @@ impl View {
         self.clip_from_local.as_mat4()
     }
 
-    /// The ray of a pixel; whole numbers are the sample points of pixels.
+    /// The ray through the point (`x`, `y`) of the image, pixels. Whole numbers are the sample points of pixels.
     pub fn ray(&self, x: f64, y: f64) -> DVec3 {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
-    /// Upper bound on the shift of a visible point on the screen, pixels, if the point moves by 1 m in any direction. The point lies in the box from
-    /// `low` to `high` (local coordinates). The bound holds to first order, for moves that are small compared with the distance.
+    /// Upper bound on the shift on the screen, pixels per metre, of a visible point that moves in any direction. The point lies in the box from `low`
+    /// to `high` (local coordinates). The bound holds for moves that are small compared with the distance from the camera.
     ///
     /// Let w be the depth of the point along the view direction, and a the angle between its ray and the view direction. The point shifts most on the
     /// screen if it moves perpendicular to its ray, in the plane of ray and view direction. For a move of 1 m, it then shifts by f / (w cos a)

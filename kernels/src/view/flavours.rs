@@ -4,8 +4,8 @@ use crate::scene::FlavourRules;
 use crate::shared::flavour_weights::FlavourParams;
 
 impl FlavourParams {
-    /// The parameters for a scene's rules. Slopes in degrees are converted to values of the normal's z. Where the flavour changes at a slope, the
-    /// blend between the two flavours extends half of `slope_blend_deg` to either side of this slope.
+    /// The parameters for a scene's rules. Slopes in degrees are converted to values of the normal's z. Two flavours that meet at a slope are blended
+    /// over a band of `slope_blend_deg` degrees, centred at this slope.
     #[allow(clippy::cast_possible_truncation, reason = "shaders read f32")]
     pub fn new(rules: &FlavourRules) -> Self {
         let band = |slope_deg: f64| {

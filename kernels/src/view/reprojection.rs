@@ -6,7 +6,8 @@ use crate::shared::motion::Past;
 use crate::view::camera::View;
 
 impl Past<f64> {
-    /// The earlier view `past`, relative to the eye of `now`. Both views belong to the same world.
+    /// The parameters that project points onto the earlier view `past`. Points are given relative to the eye of `now`. Both views belong to the same
+    /// world.
     pub fn between(now: &View, past: &View) -> Past<f64> {
         let row = |d: DVec3| d / d.length_squared();
         let (x_row, y_row) = (row(past.ray_dx), row(past.ray_dy));

@@ -2,7 +2,7 @@
 //!
 //! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map and the detail textures. Writes the page table
 //! (R32Uint): 64 x 64 cells for each level. A page uses the cell at its column and row modulo 64. A cell stores the physical layer + 1 (0 = no page)
-//! in 11 bits and, as a tag, bits of the page's address that do not follow from the cell. Also writes the physical pages, which are layers of three
+//! in 11 bits. 20 more bits are a tag, which distinguishes the pages that share the cell. Also writes the physical pages, which are layers of three
 //! array textures: albedo (sRGB), smoothness + specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a
 //! second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
@@ -10,11 +10,12 @@
 //! Limits: pages of one level whose columns and rows differ by multiples of 64 share a cell of the page table. The page with the larger tag is kept,
 //! so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests more than 256 pages,
 //! the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replacements. A pixel whose page is missing
-//! tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So `vt` may cost more than 4 fetches.
+//! tries the coarser levels in turn and finally uses the far atlas. Each try is one counted fetch of the page table, so the virtual texture may cost
+//! more than 4 fetches.
 //!
-//! No page is left for a later frame: the pages that the pixels of a frame request are rendered before it is shaded, within the limits above. Not
-//! implemented: jittered feedback, which would replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's
-//! adaptive address space, which would replace the assignment of pages to cells.
+//! Rendering of pages is never postponed: within the limits above, the pages that the pixels of a frame request are rendered before the frame is
+//! shaded. Not implemented: jittered feedback, which would replace `encode_requests`; page budgets and compression, which would extend `fill`; and
+//! Far Cry 4's adaptive address space, which would replace the assignment of pages to cells.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -108,15 +109,16 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// Tag of the page: bits of its address that do not follow from its cell. It is shifted to its place in the cell, above the physical layer.
+    /// Tag of the page, which distinguishes it from other pages with the same cell: bits of its column and row that do not follow from the cell. The
+    /// tag is shifted to its place in the cell, above the physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
-    /// Returns the page of a non-zero request. `index`: index of its cell in the page table. `camera` is the page of level 0 at the south-west corner
-    /// of the camera's sector. Tags repeat every 2^16 pages, so several pages may match the request. The result is the match nearest to `camera`,
-    /// because no picture should request fine pages 32 km away.
+    /// Returns the page of a non-zero request. `index`: index of its cell in the page table. `camera`: column and row of the page of level 0 at the
+    /// south-west corner of the camera's sector. Tags repeat every 2^16 pages, so several pages may match the request. The match nearest to `camera`
+    /// is returned, because no picture should request fine pages that are 32 km away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = TAG_MASK;
@@ -451,8 +453,7 @@ impl VirtualTexture {
 
     /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The pass of [`VirtualTexture::encode_requests`]
     /// must have run. `groups`: the bind groups of the frame and of the terrain data. `nodes`: the nodes that the frame may read, each with the
-    /// revision of its materials. `camera_sector`: the sector of the camera. If several pages match a request, the page nearest to the
-    /// camera is meant.
+    /// revision of its materials. `camera_sector`: the sector of the camera, which decides which page is rendered if several pages match a request.
     ///
     /// # Errors
     /// When the device is lost.
@@ -600,7 +601,7 @@ impl VirtualTexture {
     }
 }
 
-/// Returns the LOD and the revision of the finest loaded node of each sector. The content of a page depends on them.
+/// Returns the LOD and the revision of the finest loaded node of each sector, row by row. Pages are rendered from these nodes.
 fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
     // Coarse nodes come before fine nodes, so that the finest node of a sector is written last.
     let mut sorted = nodes.to_vec();

@@ -9,9 +9,9 @@ use glam::{DVec2, DVec3};
 use super::{LEVELS, TEXELS_PER_M};
 use crate::terrain::reference::{Ground, Projection, Surface};
 
-/// Size of a footprint in texels of level 0, multiplied by 2^`mip_bias`. `steps` lead to the two neighbouring pixels, metres; only their horizontal
-/// parts count. The size is the horizontal length of the shorter step, but at least that of the longer step divided by `anisotropy`, the largest
-/// anisotropy of page filtering.
+/// Size of a footprint, in texels of level 0: max(a, b / `anisotropy`) * 2^`mip_bias`. Here a is the horizontal length of the shorter of the two
+/// `steps`, and b that of the longer. The `steps` lead to the two neighbouring pixels, metres. `anisotropy`: the largest anisotropy of page
+/// filtering.
 pub fn texels(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> f64 {
     let [a, b] = steps.map(|step| step.truncate().length());
     a.min(b).max(a.max(b) / anisotropy) * TEXELS_PER_M * mip_bias.exp2()

@@ -22,14 +22,15 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
     let in_sector = place.position.xy * pages_per_m;
     let whole = floor(in_sector);
-    // Rounding may move a position on the southern or western border of the world slightly out of the world, so page numbers below 0 are raised to 0.
+    // Page numbers below 0 are raised to 0, because rounding may move a position on the southern or western border of the world slightly out of the
+    // world.
     let finest = max(place.sector * pages_per_sector + vec2<i32>(whole), vec2<i32>(0));
     let span = 1 << level;
     let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);
     return VirtualAddress(finest >> vec2<u32>(level), uv);
 }
 
-// Tag of a page in its page-table cell: it distinguishes the pages that share the cell, whose columns and rows differ by multiples of 64.
+// Tag of a page in its cell of the page table. Pages whose columns and rows differ by multiples of 64 share a cell; the tag distinguishes them.
 fn virtual_texture_tag(page: vec2<i32>) -> u32 {
     let wrap = vec2<u32>(page >> vec2<u32>(VIRTUAL_WINDOW_BITS)) & vec2<u32>(VIRTUAL_TAG_MASK);
     return (wrap.y << (VIRTUAL_LAYER_BITS + VIRTUAL_TAG_BITS)) | (wrap.x << VIRTUAL_LAYER_BITS);

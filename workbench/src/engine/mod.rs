@@ -129,8 +129,8 @@ impl Boxes {
         lock(&self.mail).warming
     }
 
-    /// Takes the newest request. If there is none, waits for one, for at most `patience` if it is given. Does not wait if [`Engine::warm`] was called
-    /// and shaders remain to be compiled in advance (`cold`).
+    /// Takes the newest request. If there is none, waits for one. `patience` is the longest wait; `None` = no limit. `cold`: whether shaders remain
+    /// to be compiled in advance. If they do, and [`Engine::warm`] was called, the function does not wait.
     fn next(&self, cold: bool, patience: Option<Duration>) -> Next {
         let mut mail = lock(&self.mail);
         let mut waited = false;

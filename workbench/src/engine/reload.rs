@@ -86,8 +86,8 @@ fn stamp(file: &Path) -> Option<Stamp> {
 pub struct Reload {
     folder: PathBuf,
     watcher: Watcher,
-    /// The sources that were last given to a renderer, whether they compiled or not. `None` = none were given yet or since the last failure of a
-    /// device, or the folder could not be read.
+    /// The sources that were last given to a renderer, whether they compiled or not. `None` = no sources were given yet, the last attempt to read the
+    /// folder failed, or a device failed since.
     tried: Option<Sources>,
 }
 

@@ -17,8 +17,8 @@ use kernels::oracle::{pixel_at, place_at};
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
 /// Limit of [`Brush::amount`], the factor by which a mask multiplies the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Maximum number of points of a stroke that the brush draws; scene files may have longer strokes. It limits the time of baking, in which splat texels near a stroke are compared with the segments of the
-/// stroke.
+/// Maximum number of points of a stroke that the brush draws; scene files may have longer strokes. The limit bounds the time of baking, because splat
+/// texels near a stroke are compared with the segments of the stroke.
 pub const MOST_POINTS: usize = 4096;
 /// Maximum number of strokes of a scene. If it is reached, the brush adds no stroke.
 pub const MOST_STROKES: usize = 1000;
@@ -36,9 +36,9 @@ const MOST_LEFT_OUT: usize = 256;
 /// First condition for a depth edge between neighbouring pixels: the ratio of their depths exceeds this value.
 const EDGE: f64 = 1.5;
 /// Second condition for a depth edge. The inverse depth of a pixel is predicted by linear extrapolation from the two pixels before it. The condition
-/// is that the error of the prediction exceeds this share of the change in inverse depth from the previous pixel. Both conditions must hold, because
-/// the ratio of depths is also large on ground near the horizon. There, the second condition does not hold, because the inverse depth of a plane is
-/// linear in the picture.
+/// holds if the error of the prediction exceeds this share of the change in inverse depth from the previous pixel. Both conditions are needed,
+/// because the first one also holds on flat ground near the horizon. The second one does not hold there: the inverse depth of a plane is linear in
+/// the picture.
 const BEND: f64 = 0.5;
 /// Number of points of the ring that shows on the ground where the brush paints.
 const RING: u32 = 64;
@@ -347,8 +347,8 @@ mod tests {
         View::new(pose, SIZE, [0.0; 2], 64.0, 10_240.0)
     }
 
-    /// Depths of all pixels in metres, row by row. The picture shows the plane `z = rise . (x, y)`; above the horizon of the plane is sky, which has
-    /// the depth 0.
+    /// Depths of all pixels in metres, row by row, in a picture of the plane z = rise.x * x + rise.y * y. Above the horizon of the plane is sky, with
+    /// depth 0.
     fn plane(view: &View, rise: DVec2) -> Vec<f32> {
         let normal = DVec3::new(-rise.x, -rise.y, 1.0);
         let depth = |x: u32, y: u32| {

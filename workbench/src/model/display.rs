@@ -110,7 +110,7 @@ static DEPTH: [Scale; 1] = [Scale {
     logarithmic: true,
     ticks: &[(1.0, "1 m"), (10.0, "10 m"), (100.0, "100 m"), (1000.0, "1 km"), (10_000.0, "10 km")],
 }];
-/// Texture fetches, up to 96, which `fc5` takes for full splat with two tilings. Larger numbers have the last colour.
+/// Texture fetches. The bar ends at 96, the number that `fc5` takes for full splat with two tilings. Larger numbers have the last colour.
 static FETCHES: [Scale; 1] = [Scale {
     name: "texture fetches per pixel",
     colours: Colours::Magma,

@@ -14,8 +14,8 @@ const NOTCH: f64 = 1.15;
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
 /// Limits of the distance from the camera to the orbited place: smallest and largest, metres.
 pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
-/// Limit of the angle between the view direction and the direction to a place, radians. Up to this angle, the place counts as in the middle of the
-/// view. Rounding errors are smaller, and an angle of this size is not visible.
+/// Largest angle, in radians, between the view direction and the direction to a place that counts as in the middle of the view. Rounding errors are
+/// smaller, and an angle of this size is not visible.
 const BESIDE: f64 = 1e-6;
 /// Limits of the distance from the camera to the orbited place if the middle of the picture shows sky: smallest and largest, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
@@ -122,8 +122,8 @@ pub fn is_centred(pose: &Pose, target: DVec3) -> bool {
     forward.dot(towards) > 0.0 && forward.cross(towards).length() <= BESIDE * towards.length()
 }
 
-/// A place to orbit if the middle of the picture shows sky. It is straight ahead, at a distance that grows with the height of the camera over the
-/// ground. The ground has the elevation `ground_m`.
+/// A place to orbit if the middle of the picture shows sky. It is straight ahead. Its distance is four times the height of the camera over the
+/// ground, clamped to `AHEAD_M`. `ground_m` is the elevation of the ground.
 pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     let [_, _, forward] = pose.axes();
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])

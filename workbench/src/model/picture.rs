@@ -142,8 +142,8 @@ pub struct News {
     pub adapter: Option<Adapter>,
     /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Progress of compiling shaders in advance: the number of shaders that are done, compiled or not, and the number of all shaders. Both are 0 if no
-    /// shader is to be compiled in advance.
+    /// Progress of compiling shaders in advance: the number of shaders that are compiled or were skipped after an error, and the number of all
+    /// shaders. Both are 0 if no shader is to be compiled in advance.
     pub warm: [usize; 2],
     /// Why the last request was not fulfilled, or why the thread cannot draw at all; one line.
     pub failure: Option<String>,

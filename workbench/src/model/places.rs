@@ -29,9 +29,9 @@ const MOST_BYTES: u64 = 64 << 20;
 /// them: for some angles in radians, no f64 in degrees converts back to exactly the same f64.
 const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "fov_rad"];
 
-/// Converts an angle to degrees. If there is an angle in degrees that converts back to exactly `radians`, it is returned. Otherwise, the result of
-/// the ordinary conversion is returned. In that case, the angle changes when it is first written to a file and read again, by a relative error of at
-/// most 2 * `f64::EPSILON`. It does not change after that.
+/// Converts an angle to degrees. Returns an angle in degrees that converts back to exactly `radians`, if there is one. Otherwise, returns the result
+/// of the ordinary conversion. Such an angle changes when it is first written to a file and read again, by a relative error of at most 2 *
+/// `f64::EPSILON`. It does not change after that.
 fn degrees(radians: f64) -> f64 {
     let nearest = radians.to_degrees();
     let (mut above, mut below) = (nearest, nearest);

@@ -39,8 +39,8 @@ pub struct Clock {
     pub frame: u32,
     /// Whether time is paused.
     pub paused: bool,
-    /// Number of frames for which time may still run by itself; `None` = any number. In a script, it is 0 except during the step `frames`, so that
-    /// the frame on screen depends on the steps alone, and not on how long they wait.
+    /// Number of frames for which time may still run by itself; `None` = any number. In a script, it is 0 except during the step `frames`. The frame
+    /// on screen then depends on the steps alone, and not on how long they wait.
     pub left: Option<u32>,
 }
 
@@ -112,7 +112,8 @@ pub struct Model {
     checked: Option<Box<Scene>>,
     /// Times of the last pictures.
     pub(crate) times: Times,
-    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. The answer to a click waits for such a drawing.
+    /// Durations of the last drawings of the window, without the drawing of the terrain pictures. The effect of a click is visible after such a
+    /// drawing.
     pub(crate) answers: VecDeque<Duration>,
     /// Whether the saved state has a render scale (first) and a vertex stride (second). Saved values were chosen by the user.
     chosen: [bool; 2],

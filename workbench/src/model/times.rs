@@ -1,4 +1,5 @@
-//! Times of pictures. Only pictures that were drawn alike are summarised together, and the first of them is left out.
+//! Statistics of the times to draw pictures. They cover the last pictures that were drawn under the same conditions, see `Load`. The first of these
+//! pictures is left out.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,10 +12,11 @@ use super::settings::Settings;
 
 /// Largest number of pictures whose times are kept: more than a screen shows in two seconds.
 const PICTURES: usize = 600;
-/// The time over which the rate of pictures is taken.
+/// Length of the period, ending now, over which the number of pictures per second is averaged.
 const RATE_OVER: Duration = Duration::from_secs(2);
 
-/// The causes of a change of times, except the frame number and the camera.
+/// The conditions that affect how long a picture takes to draw, except the frame number and the camera. A picture with other conditions starts new
+/// statistics.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Load {
     settings: Settings,
@@ -28,7 +30,7 @@ pub(crate) struct Load {
 }
 
 impl Load {
-    /// The load of a picture that was drawn for `wish`. `draft`: whether the picture is a first look.
+    /// The conditions under which a picture was drawn for `wish`. `draft`: whether the picture is a first look.
     pub(crate) fn of(wish: &Wish, draft: bool) -> Load {
         Load {
             settings: wish.settings.clone(),
@@ -55,7 +57,7 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// `None` = there are no times. With an even number of times, the median is the higher of the two middle times.
+    /// Computes median and spread. `None` = there are no times. With an even number of times, the median is the higher of the two middle times.
     pub(crate) fn of(times: impl IntoIterator<Item = f64>) -> Option<Spread> {
         let mut sorted: Vec<f64> = times.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
@@ -64,11 +66,11 @@ impl Spread {
     }
 }
 
-/// The times of the last pictures that were drawn alike.
+/// The times of the last pictures that were drawn under the same conditions.
 #[derive(Debug, Default)]
 pub(crate) struct Times {
     load: Option<Load>,
-    /// Time to draw the first picture after a change, until the second one is there.
+    /// Time to draw the first picture after a change of conditions; `None` = a second picture has been drawn since, or there is no picture.
     first: Option<Duration>,
     drawing: VecDeque<f64>,
     intervals: VecDeque<f64>,
@@ -77,9 +79,9 @@ pub(crate) struct Times {
 }
 
 impl Times {
-    /// Adds the times of a picture. `interval`: the time since the previous picture; `None` = time was paused in between, so the interval says
-    /// nothing. A picture with another load than the previous one removes all times, and its own times are not added: it may have waited for shaders
-    /// to be compiled or for terrain to be loaded.
+    /// Adds the times of a picture. `interval` is the time since the previous picture; `None` = time was paused in between. If `load` is not that of
+    /// the previous picture, all earlier times are removed, and the statistics do not include this picture. The reason is that it may have waited for
+    /// shaders to be compiled or for terrain to be loaded.
     pub(crate) fn add(&mut self, load: Load, took: Duration, interval: Option<Duration>, passes: &[PassTime]) {
         if self.load.as_ref() != Some(&load) {
             *self = Times { load: Some(load), first: Some(took), ..Times::default() };
@@ -99,7 +101,7 @@ impl Times {
         }
     }
 
-    /// Time to draw the first picture after a change; `None` = more pictures were drawn since.
+    /// Time to draw the first picture after a change of conditions; `None` = a second picture has been drawn since, or there is no picture.
     pub(crate) fn first(&self) -> Option<Duration> {
         self.first
     }

@@ -46,7 +46,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        let hint = "A splat brush lays this material. A mask brush changes the weights of this material's rules.";
+        let hint = "A splat brush paints this material. A mask brush changes the weights of this material's rules.";
         choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text(hint);
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";

@@ -7,7 +7,8 @@ use toml::Value;
 use super::{choose, reset};
 
 /// Shows a label and the control of a setting. In a grid, they take two columns. A flag takes one column, because the checkbox includes its label.
-/// `owner` stores the value. `about_item` returns the tooltip of a value in a list; an empty tooltip is not shown. `None` = nothing is shown.
+/// `owner` stores the value. `about_item` returns the tooltip of a value in a list; an empty tooltip is not shown. Returns `None`, and shows nothing,
+/// if there is no control for settings of this kind.
 pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about_item: fn(&str) -> &'static str) -> Option<Response> {
     let before = setting.get(owner)?;
     let mut value = before.clone();

@@ -138,7 +138,7 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "Number of frames, 1 to 1000, from frame 0 on. Flips and residual flicker need at least 2, comparing frames 4 apart at least 5.",
+            "Number of frames, 1 to 1000, from frame 0 on. Flips and residual flicker need 2 or more. A comparison of frames 4 apart needs 5.",
         );
         count(
             ui,

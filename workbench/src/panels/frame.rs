@@ -117,7 +117,7 @@ fn times(model: &Model, ui: &mut Ui) {
         bars(ui, intervals, median);
     }
     if let Some(Spread { median, longest, count, .. }) = Spread::of(model.answers.iter().map(milliseconds)) {
-        let hint = "Time to draw the window itself, without the terrain pictures. The answer to a click waits for such a drawing.";
+        let hint = "Time to draw the window itself, without the terrain pictures. The effect of a click is visible after such a drawing.";
         ui.label(format!("Window: median {median:.0} ms, longest {longest:.0} ms of the last {count}")).on_hover_text(hint);
     }
 }

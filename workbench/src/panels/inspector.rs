@@ -162,12 +162,12 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         row(
             exact,
             of_exact,
-            "Step to where the ray of the next pixel meets the plane of the exact triangle; none if they do not meet, or if there is no triangle",
+            "Step from this pixel to the point where the next pixel's ray meets the plane of the exact triangle. `none`: there is no such point.",
         );
         row(
             off,
             derivative_error(step),
-            "Error of the step as a share of the exact step, and error of the mip level (above 0, textures are too coarse; below 0, too fine)",
+            "Error of the step, relative to the exact step. Error of the mip level: above 0, textures are too coarse; below 0, too fine.",
         );
     }
     row("Flavours needed", flavours(pixel.mask), "The mask of the pixel: the flavours that have a visible weight in it");
@@ -261,13 +261,13 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Size of the pixel on the ground, seen from above, in texels of level 0, with mip bias: shorter side, longer side, and (`covered`) the \
-         length that decides the level",
+        "Shorter and longer side of the pixel on the ground, seen from above, in texels of level 0, with mip bias. `covered`: the length that \
+         decides the level, in the same unit.",
     );
     row(
         "Page LOD",
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
-        "log2 of the length that decides the level, at least 0. Its integer part, at most 13, is the level; the rest is the mip level in the page.",
+        "log2 of the length `covered`, at least 0. Its integer part, at most 13, is the level. The rest is the mip level in the page.",
     );
     let served = match page.served {
         Some(served) if served == page.id => "the same".to_owned(),

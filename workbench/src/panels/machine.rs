@@ -92,7 +92,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
             ("Level", "Level of the quadtree; the smaller, the finer"),
             ("Edge", "Edge length of a terrain node of this level"),
             ("Nodes", "Number of nodes of this level that are selected for the picture"),
-            ("Texel", "Edge length of a texel of the albedo and normal atlases. A node has 128 quads along an edge and, without its border, 128 texels."),
+            ("Texel", "Edge length of a texel of the albedo and normal atlases. Without its border, a node has 128 x 128 texels."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -153,9 +153,8 @@ fn round_length_m(longest_m: f64) -> f64 {
     [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
 }
 
-/// Returns the part of a level plane at elevation `ground_m` that is inside the frustum, as the corners of a convex polygon in world metres. The part
-/// of the plane that is far from the camera is cut off, at a distance of more than `reach_m`. The polygon is empty if the camera is not above the
-/// plane, or if nothing is left.
+/// Returns the part of a level plane at elevation `ground_m` that is inside the frustum, as the corners of a convex polygon in world metres. The
+/// polygon is cut off at a distance of more than `reach_m` from the camera. It is empty if the camera is not above the plane, or if nothing is left.
 fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
     let above_m = pose.position.z - ground_m;
     if above_m <= 0.0 || size.contains(&0) {
@@ -166,8 +165,8 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground at a depth of more than
-    // 4 * `reach_m`, or not at all. So the cut is outside the map.
+    // Each ray has the component 1 along the view direction, so it meets the ground at a depth of `above_m / -ray.z`. If `ray.z` is above `highest`,
+    // this depth is more than 4 * `reach_m`, or the ray does not meet the ground. The polygon is cut there, which is outside the map.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {

@@ -34,8 +34,8 @@ const QUANTITIES: [Quantity; 6] = [
     },
     Quantity {
         name: "Noise",
-        about: "Square root of the mean variance: the variance of the luminance of albedo over frames at each surface point, averaged over all \
-                points",
+        about: "Square root of the mean variance. The variance is that of the luminance of albedo over frames at a surface point. The mean is taken \
+                over all points.",
         of: |s| Some(s.variance.sqrt()),
     },
     Quantity { name: "Bias", about: "Mean of A - B in luminance of albedo. It is shown in column A while B is drawn.", of: |s| s.bias },
@@ -71,8 +71,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let label = ui.label("Window");
-        let hint = "About how many past frames count in the numbers, 2 to 1024. At first, all frames in which a surface point was visible have the \
-                    same weight. After this number of frames, older frames count exponentially less.";
+        let hint = "Approximate number of past frames that count in the numbers, 2 to 1024. At first, all frames in which a surface point was \
+                    visible have the same weight. After this number of frames, older frames count exponentially less.";
         let slider = Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames");
         ui.add(slider).labelled_by(label.id).on_hover_text(hint);
     });

@@ -134,7 +134,7 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
     band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
     band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
-    let hint = "Size of the patches of noise to which the rule is limited, 0 to 100000 m. 0: no noise, so the rule applies everywhere within its bands.";
+    let hint = "Size of the noise patches in which the rule applies, 0 to 100000 m. 0: it applies everywhere within its bands.";
     let label = ui.label(format!("Rule {number} noise"));
     value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();

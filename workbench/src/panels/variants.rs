@@ -15,7 +15,7 @@ use crate::model::state::Model;
 /// Columns of the table of 31 variants.
 const COLUMNS: usize = 4;
 
-/// Time of shading with one kernel.
+/// Time of shading with one kernel: the specialised shader of a variant, or the generic shader.
 #[derive(Clone, Debug, PartialEq)]
 struct Timed {
     /// The variant; `None` = the generic kernel.
@@ -209,7 +209,7 @@ fn of_estimators(name: &str) -> &'static str {
         Ok(Estimator::Fc5) => "The method of Far Cry 5: cliffs take materials that are chosen at random, full splat blends all materials",
         Ok(Estimator::Exact) => "The exact blend: the mean of fc5 over all its random choices",
         Ok(Estimator::Biplanar) => "fc5 with the two projections that the surface faces most, instead of three",
-        Ok(Estimator::Hex) => "fc5 with textures that are tiled by hexagons, which hides repetition, in place of the second tiling",
+        Ok(Estimator::Hex) => "fc5 with textures that are tiled by hexagons instead of a second tiling. The hexagons hide repetition.",
         Ok(Estimator::Stf) => "One texel of each texture: projection, material, tiling, mip level and texel are chosen at random",
         Ok(Estimator::Laplacian) => {
             "Two frequency bands of the textures: the coarse one blended smoothly, the fine one by height, so that details stay sharp"

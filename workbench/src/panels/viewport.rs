@@ -13,7 +13,7 @@ use crate::model::settings::Settings;
 use crate::model::state::{Looking, Model};
 use crate::model::viewpoint::Viewpoint;
 
-/// Limit of the time step of the camera movement between two drawings of the window, seconds. A stall must not throw the camera across the map.
+/// Largest time step of the camera movement between two drawings of the window, seconds. Without this limit, the camera would jump far after a stall.
 const LONGEST_STEP_S: f32 = 0.25;
 /// Points of scrolling for one notch of the wheel.
 const NOTCH_POINTS: f32 = 50.0;

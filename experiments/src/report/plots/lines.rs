@@ -64,9 +64,9 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let range = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::MAX, f64::MIN), |(a, b), v| (v.min(a), v.max(b)));
     let (x_low, x_high) = range(&mut all().map(|p| p.x));
     let baseline = plot.baseline.map(|b| b.0).filter(|b| !plot.y_logarithmic || *b > 0.0);
-    // A linear vertical axis also covers confidence intervals, but it is limited, because otherwise a single very large interval would flatten the
-    // curves. Apart from a margin and a start at 0, it extends beyond the values by at most their range, or by half of the largest value if that is
-    // more.
+    // A linear vertical axis also covers confidence intervals, but only within a limit, because a single very large interval would flatten the
+    // curves. The axis extends beyond the values by at most their range, or by half of the largest value if that is more. A margin and a start at 0
+    // can extend it further.
     let (y_low, y_high) = range(&mut all().map(|p| p.y).chain(baseline));
     let (reach_low, reach_high) = range(&mut all().flat_map(|p| [p.y - p.half, p.y + p.half]));
     let room = (y_high - y_low).max(0.5 * y_high.abs());

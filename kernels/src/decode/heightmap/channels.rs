@@ -42,9 +42,9 @@ impl Candidate<'_> {
         self.channel.base_name().to_lowercase()
     }
 
-    /// Whether the name says that the channel contains heights. There are two cases. The channel itself has one of the names in
-    /// [`HEIGHTS`]. Or its part or layer has such a name, and the channel has one of the names in [`PLAIN`] or [`COLOURS`]. The last
-    /// condition is needed because the layer may also contain other data, such as `height.mask`.
+    /// Whether the name says that the channel contains heights. This is so if the channel itself has one of the names in [`HEIGHTS`]. It is also so
+    /// if its part or layer has such a name, and the channel has one of the names in [`PLAIN`] or [`COLOURS`]. The name of the channel matters in
+    /// this case, because the layer may also contain other data, such as `height.mask`.
     fn is_named(&self) -> bool {
         let base = self.base();
         let layer = self.channel.layer();
@@ -122,7 +122,8 @@ fn alpha_of<'a>(all: &[Candidate<'a>], of: Candidate<'a>) -> Option<Candidate<'a
     all.iter().copied().find(|other| other.channel.is_alpha() && belongs(other) && !std::ptr::eq(other.channel, of.channel))
 }
 
-/// Marks the samples of a window where `alpha` is 0. The list is empty if there are none. `name`: the name of the alpha channel, for messages.
+/// Returns an entry for each sample of a window: [`Absent::Transparent`] where `alpha` is 0, otherwise `None`. The list is empty if `alpha` is 0
+/// nowhere. `name`: the name of the alpha channel, for messages.
 ///
 /// # Errors
 /// The alpha of a sample is neither 0 nor 1, apart from rounding. By convention, the other channels of an OpenEXR file are multiplied by alpha, so a
@@ -190,8 +191,8 @@ fn named<'a>(all: &[Candidate<'a>], name: &str) -> Result<Candidate<'a>, Fault> 
     Err(Fault::Unsupported(format!("it has no channel `{}`; give one of: {}", one_line(name), list(all))))
 }
 
-/// The channel that contains the heights. The candidates are the channels other than alpha for which [`Candidate::is_named`] is true; if there are
-/// none, all channels other than alpha. If there is one candidate, it is the result. If there are several, the first of these rules that finds a
+/// The channel that contains the heights. The candidates are the channels other than alpha whose names say so ([`Candidate::is_named`]). If there are
+/// none, all channels other than alpha are candidates. A single candidate is the result. If there are several, the first of these rules that finds a
 /// channel decides:
 /// - the only candidate whose last component is one of [`HEIGHTS`];
 /// - if no candidate is a colour: the only candidate whose last component is one of [`PLAIN`];

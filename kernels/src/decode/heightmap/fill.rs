@@ -2,9 +2,11 @@
 //!
 //! Method: the discrete Laplace equation (each filled sample is the mean of its four neighbours), solved by multigrid on a pyramid of grids, each
 //! with half the resolution of the next finer one (Briggs, Henson and McCormick, *A Multigrid Tutorial*, 2000). The first guess is interpolated from
-//! grid to grid, beginning with the coarsest. V-cycles of Gauss-Seidel sweeps then reduce its error. The V-cycles are necessary: a coarse cell at the
-//! rim also averages samples behind the rim, and sweeps on the finest grid alone reduce the effect of these samples only near the rim. At the edge of
-//! the map, missing neighbours are left out, so the slope of the membrane perpendicular to the edge is 0. The result does not depend on threads.
+//! grid to grid, beginning with the coarsest. V-cycles of Gauss-Seidel sweeps then reduce its error.
+//!
+//! The V-cycles are necessary, because the first guess also depends on samples behind the rim: a coarse cell at the rim is a mean that includes them.
+//! Sweeps on the finest grid alone would reduce the effect of these samples only near the rim. At the edge of the map, missing neighbours are left
+//! out, so the slope of the membrane perpendicular to the edge is 0. The result does not depend on threads.
 //!
 //! Limit: a membrane has no peaks, pits or roughness. It stays between the lowest and the highest height of the rim, apart from the error of the
 //! solution. In the tests, this error is below a thousandth of the range of the known heights.
@@ -188,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_membrane_does_not_know_what_is_behind_its_rim() {
-        // The rim is one sample wide and flat. All other samples are 100 m higher.
+        // The rim is one sample wide and flat. All other samples are 100 m higher, so a membrane that depends on samples behind the rim is not flat.
         for (side, gap) in [(128, 60), (200, 140)] {
             let first = (side - gap) / 2;
             let within = |reach: usize| {

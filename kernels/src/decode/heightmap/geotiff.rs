@@ -31,10 +31,11 @@ const DEGREE_M: f64 = 111_195.0;
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
 /// Largest relative difference, between the spacings from west to east and from north to south, that counts as rounding.
 const SAME_SPACING: f64 = 1e-4;
-/// Largest size of the rotation terms of a transform, relative to a pixel, that counts as rounding.
+/// Largest size of the rotation terms of a transform, as a share of a pixel, that counts as rounding.
 ///
-/// If a file states its transform twice (as ModelPixelScale and as ModelTransformation), the terms may differ by this number times a pixel, and the
-/// origins by its square root times a pixel. The stated unit of a metric system may differ from the metre by this number of metres.
+/// Two other tolerances follow from this number. If a file states its transform twice (as ModelPixelScale and as ModelTransformation), the terms may
+/// differ by this share of a pixel, and the origins by its square root times a pixel. The stated unit of a metric system may differ from the metre by
+/// this number of metres.
 const SAME_TERM: f64 = 1e-6;
 /// Largest scale error of a Mercator map of the world at which distances on the map count as distances on the ground.
 const TRUE_SCALE: f64 = 1e-3;

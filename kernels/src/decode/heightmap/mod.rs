@@ -4,9 +4,9 @@
 //! file that is too large is refused before memory is allocated for its samples.
 //!
 //! The reader of each format returns the samples as they are stored, and what the file says about them (`raster.rs`). Then, in this order:
-//! samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). A statement of the file about
-//! its heights that is known but cannot be applied is usually an error of one line, or a note in the [`Report`]. The report says how the file was
-//! interpreted.
+//! samples without data are found (`voids.rs`), samples become metres (`scaling.rs`), and gaps are filled (`fill.rs`). If a file makes a known
+//! statement about its heights that cannot be applied, the result is usually an error of one line, or a note in the [`Report`]. The report says how
+//! the file was interpreted.
 
 use std::collections::BTreeSet;
 use std::fs::File;

@@ -21,7 +21,7 @@ pub struct ReadOptions {
     /// are signed), or of the float samples 0 and 1.
     ///
     /// If the file states what its samples mean, a range that contradicts the file is an error. If the file states nothing, 16-bit integers need a
-    /// range, 32-bit integers are refused, and floats are metres unless a range is given. For floats outside 0..=1, a range is then an error.
+    /// range, and 32-bit integers are refused. Floats are then metres unless a range is given; a range is an error if a float lies outside 0..=1.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the image must be a square.
     pub raw_size: Option<[u32; 2]>,
@@ -37,9 +37,10 @@ pub struct ReadOptions {
     pub voids: Voids,
 }
 
-/// The values that mark missing data. With each variant, these samples have no data: NaN, infinity, absolute values from 1e10 on, samples that a
-/// mask hides, and, if a TIFF file names a no-data value, the samples of strips or tiles that are not in the file. Values are compared with samples
-/// as they are stored, before the samples are converted to metres.
+/// The values that mark missing data. Values are compared with samples as they are stored, before the samples are converted to metres.
+///
+/// With each variant, these samples have no data: NaN, infinity, absolute values from 1e10 on, and samples that a mask hides. If a TIFF file names a
+/// no-data value, the samples of strips or tiles that are not in the file have no data either.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum NoData {
     /// The value that the file names, and transparency. Other values that usually mark missing data, such as -9999, are refused if they lie far from

@@ -23,8 +23,8 @@ pub(super) struct Mapping {
     pub(super) note: Option<String>,
 }
 
-/// Largest difference between an elevation from the file and one from the user that counts as rounding. It is a share of the larger absolute value.
-/// If both absolute values are below 1 m, it is in metres.
+/// Largest difference that counts as rounding between an elevation from the file and one from the user. It is relative to the larger of the two
+/// absolute values. If both are below 1 m, it is in metres.
 const SAME: f64 = 1e-6;
 
 impl Statement {

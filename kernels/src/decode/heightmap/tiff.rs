@@ -1,9 +1,11 @@
 //! Reads TIFF and GeoTIFF files.
 //!
-//! First, the statements of a file about its samples are read into a [`Description`]; then the samples are read as they are stored. Strips and tiles
+//! First, the statements of a file about its samples are read into a [`Description`]. Then the samples are read as they are stored. Strips and tiles
 //! of an image with LZW compression are decoded in `lzw.rs`, others by the crate `tiff` (TIFF 6.0, sections 7 to 15; *TIFF Technical Note 3* for
-//! float predictors). The crate would invert samples of photometric interpretation WhiteIsZero, and would refuse masks. Therefore the crate reads a
-//! [`Patched`] file, in which the interpretation is BlackIsZero: a height is the stored number, as in GDAL.
+//! float predictors).
+//!
+//! A height is the stored number, as in GDAL. But the crate would invert samples if the photometric interpretation of the image is WhiteIsZero, and
+//! would refuse masks. Therefore the crate reads a [`Patched`] file, in which the interpretation is BlackIsZero.
 //!
 //! Of several images, the first one of full resolution is read; if there is none, the first image. Images that belong to another image (SubIFDs) are
 //! not searched.

@@ -23,7 +23,7 @@ const SURVEYED: usize = 1 << 16;
 /// Analysis*, 1977).
 const FENCE: f64 = 3.0;
 
-/// Zeros are far from all other samples if each other sample is farther from 0 than this share of the range of the other samples.
+/// Zeros count as far from the other samples if the distance of every other sample from 0 is more than this share of the range of the other samples.
 const ZERO_GAP: f64 = 1.0 / 16.0;
 
 /// The samples without data, and the reasons.
@@ -190,9 +190,10 @@ fn refuse_marks(raster: &Raster, found: &Found) -> Result<(), Fault> {
 
 /// Returns a remark about samples that are far below or far above all others; `None` if there are none.
 ///
-/// The outer fences are three interquartile ranges beyond the quartiles. Samples are far from the others if they lie outside the fences, and if
-/// there is a gap of at least three interquartile ranges between them and the samples inside. Steep ground usually has no such gap. If so many
-/// samples equal the median that the quartiles are equal, these samples are left out of the estimate of the quartiles.
+/// The outer fences are three interquartile ranges beyond the quartiles. Samples count as far from the others in this case: they lie outside the
+/// fences, and a gap of at least three interquartile ranges separates them from the samples inside. Steep ground usually has no such gap. In a map
+/// such as one that is mostly sea, so many samples equal the median that the quartiles are equal. The quartiles are then estimated without these
+/// samples.
 pub(super) fn remark(raster: &Raster, found: &Found) -> Option<String> {
     let stored = &raster.stored;
     let values = move || (0..stored.len()).filter(move |&index| found.has_data(index)).map(move |index| (index, stored.at(index)));

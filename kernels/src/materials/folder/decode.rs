@@ -15,9 +15,9 @@ use crate::decode::colours::Colours;
 use crate::decode::fault::Fault;
 use crate::decode::openexr::{self, Channel, Part};
 
-/// Largest edge of an image, texels: four times the edge of the largest detail textures. A PNG of this size takes up to about 1.75 GiB of
-/// memory until it is resampled: 16-bit RGBA takes 0.5 GiB as stored and 1 GiB as floats, the texels take 0.75 GiB, and at most two of the
-/// three exist at the same time.
+/// Largest edge of an image, texels: four times the edge of the largest detail textures. A PNG of this size takes up to about 1.75 GiB of memory
+/// until it is resampled. For 16-bit RGBA, this is 0.5 GiB as stored, 1 GiB as floats and 0.75 GiB for the texels, of which at most two exist at the
+/// same time.
 pub(super) const MAX_EDGE: u32 = 8192;
 
 /// Bytes of the header of a TGA file.
@@ -83,8 +83,8 @@ pub(super) fn decode(mut input: impl BufRead + Seek, path: &Path, want: Want) ->
     }
 }
 
-/// Checks the header of a TGA file before memory for the texels is allocated: the size that it states, and whether a file of this length
-/// can contain so many texels (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
+/// Checks the header of a TGA file before memory for the texels is allocated. Refuses a size that is not allowed, and a size with more texels than a
+/// file of this length can contain (Truevision TGA File Format Specification 2.0: image type, image specification, run-length packets).
 fn check_tga(start: &[u8], length: u64) -> Result<(), Fault> {
     let Some(header) = start.first_chunk::<TGA_HEADER>() else {
         return Err(Fault::Damaged("TGA: the file ends inside its header".to_owned()));

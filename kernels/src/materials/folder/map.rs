@@ -15,8 +15,8 @@ use crate::shared::real::{length, normalize};
 
 /// Share of texels that must have a property before it counts as a property of the map. The rest may be noise of a lossy compression.
 const NEARLY_ALL: f64 = 0.999;
-/// A map with one value per texel may be stored as RGB. In nearly all texels, its channels must not differ by more than this. In [`refuse_grey`], a
-/// grey image whose values do not differ by more than this counts as uniform.
+/// Largest difference between the channels of a grey texel. If a map with one value per texel is stored as RGB, nearly all its texels must be grey.
+/// [`refuse_grey`] uses the same limit for another test: a grey image whose values do not differ by more than this counts as uniform.
 const GREY: f32 = 8.0 / 255.0;
 /// Largest difference between channels that count as equal, in the test whether a normal map is in fact a grey image.
 const EQUAL: f32 = 2.5 / 255.0;
@@ -196,7 +196,7 @@ fn refuse_grey(stored: &Stored) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Whether the values are the normal n itself rather than (n + 1) / 2. Values outside the range of this reading are refused.
+/// Whether the values are the normal n itself (-1..1) rather than (n + 1) / 2 (0..1). Values outside the range that applies are refused.
 ///
 /// Floats are n itself if an x or y is below -[`OVERSHOOT`], or if the mean of all x and y is nearer to 0 than to 0.5. The mean of n.x and n.y is
 /// usually near 0, because a texture is flat on average.
@@ -221,7 +221,8 @@ fn lacks_z(texels: &[[f32; 3]]) -> bool {
         || (is_nearly_always(|t| t[2] >= 1.0 - CONSTANT_Z) && share_of(texels, |t| length(*t) > 1.05) > 1.0 - NEARLY_ALL)
 }
 
-/// Computes z = sqrt(1 - x² - y²); 0 where x and y exceed length 1. If they clearly exceed it in more than half of the texels, the map is refused.
+/// Computes z = sqrt(1 - x² - y²), or 0 where the vector (x, y) is longer than 1. Refuses the map if this vector is clearly longer than 1 in more
+/// than half of the texels.
 fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     let outside = share_of(&map.texels, |t| t[0].hypot(t[1]) > 1.05);
     if outside > 0.5 {
@@ -238,8 +239,9 @@ fn compute_z(map: &mut Map) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Refuses a map if more than half of its vectors point into the surface. If fewer do, they are mirrored out of it, with a remark if they are more
-/// than noise ([`NEARLY_ALL`]). Adds a remark if the lengths of more than half of the vectors differ from 1 by more than [`LENGTH`].
+/// Refuses a map if more than half of its vectors point into the surface. Otherwise, these vectors are mirrored out of it. A remark is added if they
+/// are more than noise ([`NEARLY_ALL`]). Another remark is added if the lengths of more than half of the vectors differ from 1 by more than
+/// [`LENGTH`].
 fn check_vectors(map: &mut Map) -> std::result::Result<(), String> {
     let below = share_of(&map.texels, |t| t[2] < -0.02);
     if below > 0.5 {

@@ -2,9 +2,9 @@
 //!
 //! The name is split into words at every character that is neither a letter nor a digit, and where a capital letter begins a word
 //! (`NormalGL`). Words that describe only the file (`2K`, `JPG`, `LOD0`, `16bit`) are not part of the name of the map or of the material.
-//! If several words name a map, the last ones take precedence, because the name of a material may contain such words, as `rough_linen` and
-//! `metal_plate` do. The other words are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel
-//! Megascans, Poliigon, Substance and glTF.
+//! If several words name a map, the last ones take precedence, because the name of a material may also contain such words: `rough_linen`,
+//! `metal_plate`. The words that are left are the name of the material. The lists of names cover those of Poly Haven, ambientCG, Quixel Megascans,
+//! Poliigon, Substance and glTF.
 
 /// The direction of a normal map's y axis in the image. The green channel holds y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,8 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     for (var i = 0u; i < shade_projections(); i++) {
         let texel = select_of_4(weights, thresholds[i]);
         if i == 0u {
-            // All projections are blended, so there is no choice of a projection. Only the choice of the material is recorded.
+            // Diagnostics record the material that is chosen for the first projection. The projection itself is not chosen, because all projections
+            // are blended.
             shade_choose(texel, 0u);
         }
         let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);

@@ -1,5 +1,5 @@
-// Hex-tiled textures in place of the second tiling scale (Mikkelsen, JCGT 11(2), 2022). Near cliff is shaded by the function of `fc5`, with hex-tiled
-// textures.
+// Far cliff of the estimator `hex`: hex-tiled textures replace the second tiling scale (Mikkelsen, JCGT 11(2), 2022). Near cliff is shaded by the
+// function of `fc5`, with hex-tiled textures.
 
 // Samples one tiling scale, which is chosen at random from two. 10 fetches.
 fn shade_hex_far_cliff(pixel: Pixel) -> Surface {

@@ -1,7 +1,7 @@
 // Full splat: calls the functions of the estimator.
 
-// Blends all projections of all materials. With `fc5`: 48 fetches, or 96 with two tiling scales. The estimator `stf` samples one material in one
-// projection instead, with 4 fetches.
+// Blends all materials of the cell in all projections. With `fc5`: 48 fetches, or 96 with two tiling scales. The estimator `stf` samples only one
+// material in one projection: 4 fetches.
 fn shade_splat(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     if ESTIMATOR == ESTIMATOR_STF {
