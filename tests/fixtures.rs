@@ -118,11 +118,21 @@ pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     2.0 * student.cdf(-t.abs())
 }
 
-/// Sign (+1 or -1) of one value of a picture. `pattern` selects a fixed random pattern of signs; in pattern 0, all signs are +1. `pixel` is the index
-/// of the value among all values of the picture.
-pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
-    let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
-    if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
+/// p-value of the hypothesis that independent vectors have mean zero in every component. The components of one vector may depend on each other.
+///
+/// One half of the vectors gives each component a weight: its mean there. The other half is tested: the sum of the components times their weights has
+/// mean zero for each vector, because the weights do not depend on this half. A deviation that all vectors share gets weights of its own signs, so it
+/// is found whatever its pattern is. Both halves are tested with the weights of the other, and the smaller p-value is doubled (Bonferroni). Components
+/// with a weight of at most `least` are left out, so that rounding errors, which are equal in all vectors, are not found.
+pub(crate) fn p_of_zero_means(vectors: &[Vec<f64>], least: f64) -> f64 {
+    let (first, second) = vectors.split_at(vectors.len() / 2);
+    let p = |weighing: &[Vec<f64>], tested: &[Vec<f64>]| {
+        let mean = |component: usize| weighing.iter().map(|vector| vector[component]).sum::<f64>() / weighing.len() as f64;
+        let weights: Vec<f64> = (0..weighing[0].len()).map(mean).map(|mean| if mean.abs() > least { mean } else { 0.0 }).collect();
+        let sum = |vector: &Vec<f64>| vector.iter().zip(&weights).map(|(value, weight)| value * weight).sum();
+        p_of_zero_mean(&tested.iter().map(sum).collect::<Vec<f64>>())
+    };
+    (2.0 * p(first, second).min(p(second, first))).min(1.0)
 }
 
 /// Path of the program `experiments`, which is in the folder above the folder of this test binary. Panics if the program is missing or older than its

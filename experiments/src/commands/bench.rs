@@ -1,5 +1,6 @@
 //! `bench`: measures times on the built-in world, and counts the patches that culling removes on a flight of 10 km. Prints ratios of times and the
-//! share of removed patches, each next to the target of the project. Then simulates streaming of terrain nodes on the same flight.
+//! share of removed patches, each next to the target of the project. Then simulates streaming of terrain nodes on the same flight, and measures starts
+//! with an empty and a filled cache of nodes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,6 +30,7 @@ use crate::process::{check_interrupted, watch_interrupts};
 use crate::rounds::{self, Estimate, Key, Plan, Samples, Timed, Turn, Wanted};
 
 mod flight;
+mod start;
 mod streaming;
 
 use flight::Flight;
@@ -177,6 +179,15 @@ struct Measured {
     wall: Samples,
 }
 
+/// All results.
+struct Found {
+    all: Vec<Measured>,
+    flown: Flight,
+    streamed: Vec<Streamed>,
+    /// The times of starts with an empty and with a filled cache of nodes.
+    starts: Samples,
+}
+
 impl Measured {
     fn estimate(&self, ratio: &Ratio) -> Option<Estimate> {
         let [of, over] = ratio.keys()?;
@@ -208,11 +219,13 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     }
     let flown = Flight::new(&mut renderer, args, &|done, total| reporter.report("flight", done, total))?;
     let streamed = Streamed::all(&mut renderer, args, &|done, total| reporter.report("streamed flight", done, total))?;
+    let starts = start::measure(&gpu, &scene, args, &|done, total| reporter.report("start (%)", done * 100 / total.max(1), 100))?;
     reporter.finish();
+    let found = Found { all, flown, streamed, starts };
     if let Some(file) = &args.record {
-        record(file, &gpu, args, &all, &flown)?;
+        record(file, &gpu, args, &found)?;
     }
-    if args.json { print_json(&Answer::of(&gpu, args, &all, &flown, streamed)) } else { print(&text(&gpu, args, &all, &flown, &streamed)) }
+    if args.json { print_json(&Answer::of(&gpu, args, &found)) } else { print(&text(&gpu, args, &found)) }
 }
 
 /// Draws rounds until the intervals of the wanted ratios are narrow, or until the time budget of the options is spent.
@@ -342,7 +355,7 @@ fn shown(estimate: Option<Estimate>, is_share: bool) -> String {
     format!("{} \u{b1} {}{unit}{word}", number(value), number(value * half_width))
 }
 
-fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight, streamed: &[Streamed]) -> String {
+fn text(gpu: &Gpu, args: &BenchArgs, Found { all, flown, streamed, starts }: &Found) -> String {
     let kind = if gpu.is_software() { ", a software adapter" } else { "" };
     let [width, height] = args.size;
     let mut out = format!(
@@ -360,6 +373,7 @@ fn text(gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight, streamed:
     }
     out += &flown.text();
     streamed.iter().for_each(|streamed| out += &streamed.text());
+    out += &start::text(starts);
     if all.iter().all(|measured| measured.device == Samples::default()) {
         out += "The adapter has no timestamp queries, so passes were not timed.\n";
     }
@@ -377,7 +391,8 @@ struct Answer<'a> {
     cameras: BTreeMap<&'a str, BTreeMap<&'static str, Figure>>,
     flight: flight::Figures,
     /// The streamed flight, once for each schedule.
-    streamed: Vec<Streamed>,
+    streamed: &'a [Streamed],
+    start_warm_over_cold: Figure,
 }
 
 /// A ratio in the output of `--json`.
@@ -405,7 +420,7 @@ impl Figure {
 }
 
 impl<'a> Answer<'a> {
-    fn of(gpu: &'a Gpu, args: &BenchArgs, all: &'a [Measured], flown: &Flight, streamed: Vec<Streamed>) -> Answer<'a> {
+    fn of(gpu: &'a Gpu, args: &BenchArgs, Found { all, flown, streamed, starts }: &'a Found) -> Answer<'a> {
         let figures = |measured: &Measured| -> BTreeMap<&'static str, Figure> {
             RATIOS.iter().map(|ratio| (ratio.name, Figure::of(measured.estimate(ratio), ratio.target))).collect()
         };
@@ -417,11 +432,12 @@ impl<'a> Answer<'a> {
             cameras: all.iter().map(|measured| (measured.camera.as_str(), figures(measured))).collect(),
             flight: flown.figures(),
             streamed,
+            start_warm_over_cold: Figure::of(start::ratio(starts), start::TARGET),
         }
     }
 }
 
-fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Flight) -> Result<()> {
+fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, Found { all, flown, starts, .. }: &Found) -> Result<()> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_record([
         "adapter",
@@ -469,6 +485,11 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, all: &[Measured], flown: &Fl
     let share = format!("{:.4}", flown.share());
     let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, "flight", &width, &height];
     csv.write_record(place.into_iter().chain([AUTO, GEOMETRY, "patches_culled_share", "1", &share, ""]))?;
+    if let Some(start) = start::ratio(starts) {
+        let place: [&str; 7] = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, "first", &width, &height];
+        let error = start.standard_error().map_or_else(String::new, |error| format!("{error:.6}"));
+        csv.write_record(place.into_iter().chain([AUTO, "start", start::NAME, "1", &format!("{:.4}", start.value), &error]))?;
+    }
     let bytes = csv.into_inner().context("cannot complete the CSV table")?;
     Ok(write_whole(file, |temporary| {
         std::fs::write(temporary, &bytes).map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })

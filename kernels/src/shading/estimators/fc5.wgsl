@@ -8,11 +8,9 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     let weights = splat_blend_bilinear(pixel.cell.fraction);
     for (var i = 0u; i < shade_projections(); i++) {
         let texel = select_of_4(weights, thresholds[i]);
-        if i == 0u {
-            // Diagnostics record the material that is chosen for the first projection. The projection itself is not chosen, because all projections
-            // are blended.
-            shade_choose(texel, 0u);
-        }
+        // Diagnostics record the material that is chosen for the first projection. The projection itself is not chosen, because all projections are
+        // blended.
+        shade_choose(texel, 0u);
         let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
         sum = surface_add(sum, pixel.projections[i], tap);
     }
