@@ -309,11 +309,16 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
     stage.until("the mended shader", |model| model.shader_error().is_none()).expect("no error");
     assert_eq!(texels(stage.model()), first);
+    let shaders = |stage: &mut Stage| stage.model().shown().expect("a picture").shaders;
+    let before = shaders(&mut stage);
     // The picture must change without any input.
     folder.edit(LIGHTING, LIT, LIT_BY_HALF);
     stage.until("the edited shader", |model| texels(model) != first).expect("a picture");
     assert_eq!(stage.model().shader_error(), None);
     let dim = texels(stage.model()).to_vec();
+    // Times of the old and the new shaders are not put into one statistic.
+    let edited = shaders(&mut stage);
+    assert_ne!(edited, before);
     // A run would not draw with the edited shaders, so the view cannot be saved as an experiment.
     let place = folder.0.display();
     take(&mut stage, &format!("click Experiments; type Folder = {place}; type Experiment name = dim; click Save as experiment"));
@@ -332,6 +337,7 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     stage.model().clock.frame = frame;
     stage.settle().expect("a picture");
     assert_eq!(texels(stage.model()), dim);
+    assert_eq!(shaders(&mut stage), edited);
     assert!(stage.model().shader_error().is_some(), "the error must be shown until the mistake is corrected");
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
     stage.until("the mended shader", |model| model.shader_error().is_none()).expect("no error");

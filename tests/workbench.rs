@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use ::experiments::store::read_run;
 use eframe::egui;
+use kernels::base::section::mebibytes;
 use kernels::frame::VariantChoice;
 use kernels::scene::Scene;
 use kernels::shared::noise::NoiseKind;
@@ -202,6 +203,7 @@ fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
     let after = stage.model().shown().expect("a picture").clone();
     assert!(!std::sync::Arc::ptr_eq(&before, &after) && after.wish.frame == before.wish.frame + 1);
     assert!(after.wish.settings == before.wish.settings && after.texels == before.texels, "the same picture with the same numbers");
+    assert_ne!(after.shaders, before.shaders, "the times of both devices would be put into one statistic");
 }
 
 #[test]
@@ -656,7 +658,16 @@ fn the_machine_shows_what_each_stage_reported() {
     }
     // A camera that stands still loads no node.
     take(&mut stage, "key Period");
-    assert_eq!(stage.model().shown().expect("a picture").picture.report.loaded, 0);
+    let shown = stage.model().shown().expect("a picture").clone();
+    assert_eq!(shown.picture.report.loaded, 0);
+    // The memory of the device includes the atlases and the pages.
+    take(&mut stage, "click Frame");
+    let (bytes, report) = (shown.device_bytes.expect("Vulkan reports its allocations"), &shown.picture.report);
+    assert!(bytes > report.atlas.bytes + report.page_cache.bytes && bytes < 1 << 31, "{bytes} bytes on the device");
+    let memory = format!("on the device: {}", mebibytes(bytes));
+    let of_program = |name: &str| name.split_once(" MiB; ").filter(|(_, rest)| *rest == memory)?.0.parse::<f64>().ok();
+    let found: Vec<f64> = stage.names().iter().filter_map(|name| of_program(name)).collect();
+    assert!(matches!(found[..], [mib] if (100.0..16_000.0).contains(&mib)), "{found:?} MiB, {:?}", stage.names());
 }
 
 #[test]

@@ -85,7 +85,7 @@ impl Workbench {
         }
         let now = Instant::now();
         let interval = self.last_shown.replace(now).map(|last| now - last);
-        self.model.times.add(Load::of(&shown.wish, shown.draft), shown.took, interval, &shown.picture.report.passes);
+        self.model.times.add(Load::of(&shown), shown.took, interval, &shown.picture.report.passes);
     }
 
     /// Requests the picture that the controls describe, unless it cannot be drawn or was the last one to be requested.

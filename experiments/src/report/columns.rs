@@ -32,7 +32,8 @@ pub(super) enum Source {
     WithError(Metric),
     /// The promised fetches of a forced variant: the sum over its flavours.
     Promised,
-    /// The shading time, divided by that of the first timed choice of the view ([`Table::shading_base`]), with its interval.
+    /// The shading time, divided by that of the first timed choice of the view ([`Table::shading_base`]), with its interval. There is no interval if the
+    /// two choices were not timed in the same rounds, or if the error of the ratio is not known.
     ShadingRatio,
 }
 

@@ -8,7 +8,7 @@ pub enum Error {
     /// A scene file is wrong.
     #[error("scene {where_}: {what}")]
     Scene {
-        /// The file and, if known, the line or table.
+        /// The file or folder with, if known, the line; or the name of the scene, if the error was not found while a file was read.
         where_: String,
         /// What is wrong and how to fix it.
         what: String,

@@ -206,6 +206,11 @@ impl Gpu {
         Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
+    /// Bytes of memory that are allocated on the device for buffers and textures; `None` = the driver's interface does not report them.
+    pub fn memory_bytes(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
+    }
+
     /// Whether the adapter runs on the CPU. On such an adapter, only ratios of times are meaningful.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu

@@ -47,8 +47,8 @@ const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 pub struct Pixel {
     /// Column and row, from the top left.
     pub pixel: [u32; 2],
-    /// Position in the world, metres: the point on the pixel's ray at the depth that the device wrote. The depth is f32, so the error is about 1e-7
-    /// of the distance.
+    /// Position in the world, metres: the point on the pixel's ray at the depth that the device wrote. The depth is f32, so it is rounded by about
+    /// 1e-7 of the distance. The point may be farther from the exact surface, because vertices are rounded, too (`BESIDE`, `OFF_PLANE`).
     pub position: [f64; 3],
     /// Sector that contains the position, counted from the world's south-west corner.
     pub sector: [i32; 2],

@@ -197,9 +197,9 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 /// angular radius of the sphere nearly add up to a right angle.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
-    // The reference culls if cos(between) exceeds sin(a + s) by more than `ROUNDING`: `between` is the angle between the axis and the direction to
-    // the patch, a is the half angle of the cone, and s is the angular radius of the sphere. `over` is this excess. As `margin` is 90 degrees -
-    // (between + a + s), `over` equals cos(between) - cos(between + margin).
+    // `between` is the angle between the axis and the direction to the patch, a is the half angle of the cone, and s is the angular radius of the
+    // sphere. `over` is cos(between) - sin(a + s); the reference culls if `over` exceeds `ROUNDING`. `margin` is 90 degrees - (between + a + s).
+    // Therefore, a + s is 90 degrees - (between + margin), and sin(a + s) is cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;

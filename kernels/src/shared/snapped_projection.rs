@@ -60,9 +60,9 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
 }
 
 /// Converts the repeats per sector of [`super::tiling::per_sector_fixed`] to the repeats per sector along the first coordinate of a plane, in the
-/// same fixed-point format: 24 fractional bits, modulo 2^32. On planes 3 and 4, the number is multiplied by 181/256. The bits that were lost modulo
-/// 2^32 belong to the whole part of this product. So only the 24 fractional bits are valid there, and [`super::tiling::fixed`] must be called with
-/// scale 0.
+/// same fixed-point format: 24 fractional bits, modulo 2^32. On planes 3 and 4, the number is multiplied by 181/256. The input is known only up to a
+/// multiple of 2^32. Multiplied by 181/256, such a multiple is a whole number of repeats. So on these planes, the fractional part of the result is
+/// right, but the whole part may be wrong, and [`super::tiling::fixed`] must be called with scale 0.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),

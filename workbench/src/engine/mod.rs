@@ -9,6 +9,7 @@
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -326,6 +327,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
 /// Draws pictures of one scene, until another scene is requested, the device fails, or the thread must stop.
 fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let opened = first.opened;
+    let mut shaders = next_shaders();
     let mut warmed = Warmed::default();
     let mut live = Live::default();
     let mut next = Next::Wish(first);
@@ -361,6 +363,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
                 // Metrics of the old shaders, and the list of compiled shaders, are not valid for the new shaders.
                 (live, warmed) = (Live::default(), Warmed::default());
+                shaders = next_shaders();
                 next = again(next, last.take());
             }
         }
@@ -414,6 +417,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         }
         match if is_draft { draw_draft(&mut renderer, &wish) } else { draw(&mut renderer, &mut live, &wish) } {
             Ok((request, shown)) => {
+                let shown = Shown { shaders, ..shown };
                 if !is_draft {
                     *losses = 0;
                     warmed.drew(&request, &shown.picture);
@@ -455,6 +459,12 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     }
 }
 
+/// A number that has not been used for [`Shown::shaders`].
+fn next_shaders() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
 /// Repeats the last request, unless there is a newer one.
 fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     match (next, last) {
@@ -483,6 +493,8 @@ fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error:
         layout: *renderer.world().layout(),
         mean_albedos: renderer.mean_albedos().to_vec(),
         readings: Vec::new(),
+        device_bytes: renderer.gpu().memory_bytes(),
+        shaders: 0,
         took: began.elapsed(),
         wish: wish.clone(),
     };
@@ -539,6 +551,8 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
         layout,
         mean_albedos,
         readings,
+        device_bytes: renderer.gpu().memory_bytes(),
+        shaders: 0,
         took: began.elapsed(),
         wish: wish.clone(),
     };

@@ -1,6 +1,7 @@
 //! The panes of the window and their arrangement. An arrangement is saved as titles of panes and shares of the window. The format in which
 //! `egui_tiles` saves an arrangement is not used, for two reasons. TOML can represent neither its identifiers (unsigned 64-bit integers) nor its
-//! empty values. And a version of the program that has one pane more or fewer could not read the file.
+//! empty values. And a version of the program that lacks one of the saved panes could not read the file, while a version with a new pane would not
+//! show it.
 
 use eframe::egui;
 use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};

@@ -110,6 +110,10 @@ pub struct Shown {
     pub mean_albedos: Vec<[f32; 3]>,
     /// The live metrics of the last frames, the newest last; empty if live metrics are not computed.
     pub readings: Vec<Reading>,
+    /// Number of the shaders that drew the picture. Shaders get a new number when they are reloaded, when a scene is opened, and on a new device.
+    pub shaders: u64,
+    /// Bytes that are allocated on the device for buffers and textures; `None` = not known.
+    pub device_bytes: Option<u64>,
     /// Time from the start of drawing to the finished texels of A and B. It includes the inspected pixel and the live metrics.
     pub took: Duration,
 }

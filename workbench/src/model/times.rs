@@ -7,7 +7,7 @@ use std::time::Duration;
 use kernels::gpu::PassTime;
 
 use super::compare::Compare;
-use super::picture::Wish;
+use super::picture::Shown;
 use super::settings::Settings;
 
 /// Largest number of pictures whose times are kept: more than a screen shows in two seconds.
@@ -27,11 +27,13 @@ pub(crate) struct Load {
     culled_from_elsewhere: bool,
     size: [u32; 2],
     draft: bool,
+    shaders: u64,
 }
 
 impl Load {
-    /// The conditions under which a picture was drawn for `wish`. `draft`: whether the picture is a first look.
-    pub(crate) fn of(wish: &Wish, draft: bool) -> Load {
+    /// The conditions under which a picture was drawn.
+    pub(crate) fn of(shown: &Shown) -> Load {
+        let Shown { wish, draft, shaders, .. } = shown;
         Load {
             settings: wish.settings.clone(),
             compare: wish.compare.clone(),
@@ -40,7 +42,8 @@ impl Load {
             seeks: wish.seeks,
             culled_from_elsewhere: wish.culled_from.is_some(),
             size: wish.size,
-            draft,
+            draft: *draft,
+            shaders: *shaders,
         }
     }
 }
@@ -157,6 +160,7 @@ mod tests {
             culled_from_elsewhere: false,
             size: [640, 360],
             draft: false,
+            shaders: 1,
         }
     }
 
@@ -189,9 +193,10 @@ mod tests {
         assert_eq!(times.drawing().map(|spread| (spread.median, spread.longest, spread.count)), Some((20.0, 30.0, 3)));
         let of_passes: Vec<(String, f64, usize)> = times.passes().map(|(name, s)| (name.to_owned(), s.median, s.count)).collect();
         assert_eq!(of_passes, [("geometry".to_owned(), 20.0, 3), ("shading".to_owned(), 1.0, 3)]);
-        let changed = Load { size: [1, 1], ..load() };
-        times.add(changed, ms(500), Some(ms(700)), &[]);
-        assert_eq!((times.first(), times.drawing(), times.rate()), (Some(ms(500)), None, None));
+        for changed in [Load { size: [1, 1], ..load() }, Load { shaders: 2, ..load() }] {
+            times.add(changed, ms(500), Some(ms(700)), &[]);
+            assert_eq!((times.first(), times.drawing(), times.rate()), (Some(ms(500)), None, None));
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
+use kernels::base::section::mebibytes;
 
 use super::variants::PASS;
 use crate::model::state::Model;
@@ -35,6 +36,13 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         );
         let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
         row(ui, "Fetches", "Number of texture fetches of the shading pass per pixel, averaged over the pixels that show terrain", fetches);
+        row(
+            ui,
+            "Memory",
+            "Main memory that the program occupies, and memory that is allocated on the device for buffers and textures. On a software adapter, the \
+             second is part of the first.",
+            memory(memory_stats::memory_stats().map(|stats| stats.physical_mem as u64), shown.device_bytes),
+        );
         let drawing = match (model.times.drawing(), model.times.first()) {
             (Some(spread), _) => in_words(spread, 1),
             (None, Some(first)) => format!("{:.0} ms for the first picture after a change", first.as_secs_f64() * 1e3),
@@ -75,6 +83,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             row(ui, &name, "", time);
         }
     });
+}
+
+/// The memory of the program and that on the device, bytes, in words; `None` = not known.
+fn memory(program: Option<u64>, device: Option<u64>) -> String {
+    let known = |bytes: Option<u64>| bytes.map_or_else(|| "not known".to_owned(), mebibytes);
+    format!("{}; on the device: {}", known(program), known(device))
 }
 
 /// Median, quartiles and number of times.
