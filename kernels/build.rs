@@ -1,5 +1,5 @@
-//! Computes a number that changes whenever the code that makes node payloads changes. Entries of the cache of baked nodes (`src/world/cache.rs`) contain
-//! it, so nodes that other code has made are never read. The code is all Rust of this crate, its libraries, and the compiler with its settings.
+//! Computes a number that changes whenever the code of this crate changes. The keys of the cache on disk (`src/base/cache.rs`) contain it, so entries
+//! that other code has made are never read. The code is all Rust of this crate, its libraries, and the compiler with its settings.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ fn main() -> io::Result<()> {
         env::var_os(setting).hash(&mut hasher);
     }
     Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())).arg("-vV").output()?.stdout.hash(&mut hasher);
-    println!("cargo::rustc-env=SCREE_NODE_CODE={:016x}", hasher.finish());
+    println!("cargo::rustc-env=SCREE_CODE={:016x}", hasher.finish());
     Ok(())
 }
 

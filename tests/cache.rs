@@ -1,4 +1,4 @@
-//! Tests of the cache of baked nodes (`kernels::world::NodeCache`): nodes from the cache equal nodes that are baked, whatever happens to its files.
+//! Tests of the cache on disk (`kernels::base::cache`): nodes and textures from the cache equal those that are made, whatever happens to its files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, SystemTime};
 
+use kernels::base::cache::{Cache, CacheCounts};
+use kernels::materials::Palette;
 use kernels::scene::{self, Scene, Stroke, StrokeKind};
-use kernels::world::cache::CacheCounts;
 use kernels::world::payload::PAYLOAD_BYTES;
-use kernels::world::{Baked, Cover, NodeCache, NodeId, NodePayload, PaletteMeans, World};
+use kernels::world::{Baked, Cover, NodeId, NodePayload, PaletteMeans, World};
 
 use crate::fixtures::{self, Folder, has, small_scene};
 
@@ -23,8 +24,8 @@ fn means(scene: &Scene) -> PaletteMeans {
     PaletteMeans { albedo: (0..count).map(grey).collect(), smoothness: vec![0.3; count], specular_occlusion: vec![0.9; count] }
 }
 
-fn cache(folder: &Folder) -> Arc<NodeCache> {
-    Arc::new(NodeCache::new(folder.0.join("cache"), u64::MAX))
+fn cache(folder: &Folder) -> Arc<Cache> {
+    Arc::new(Cache::new(folder.0.join("cache"), u64::MAX))
 }
 
 /// Two payloads of a node, each with its cover: those that were returned, and those that are made from the ground that was returned.
@@ -34,7 +35,7 @@ type Made = [(NodePayload, Cover); 2];
 type Damage<'a> = (&'a str, &'a dyn Fn(usize) -> Vec<u8>);
 
 /// Bakes nodes with a cache or without.
-fn bake(scene: &Scene, means: &PaletteMeans, cache: Option<&Arc<NodeCache>>, nodes: &[NodeId]) -> Vec<Made> {
+fn bake(scene: &Scene, means: &PaletteMeans, cache: Option<&Arc<Cache>>, nodes: &[NodeId]) -> Vec<Made> {
     let world = World::new(scene).expect("valid").with_cache(cache.cloned());
     let nodes: Vec<NodeId> = nodes.iter().copied().filter(|node| world.exists(*node)).collect();
     let all = |baked: Baked| {
@@ -47,7 +48,7 @@ fn bake(scene: &Scene, means: &PaletteMeans, cache: Option<&Arc<NodeCache>>, nod
 }
 
 /// The files of a cache, in the order of their paths.
-fn entries(cache: &NodeCache) -> Vec<PathBuf> {
+fn entries(cache: &Cache) -> Vec<PathBuf> {
     let inside = |folder: PathBuf| fs::read_dir(folder).into_iter().flatten().map(|entry| entry.expect("readable").path());
     let mut entries: Vec<PathBuf> = inside(cache.folder().to_owned()).flat_map(inside).collect();
     entries.sort();
@@ -73,6 +74,30 @@ fn nodes_from_the_cache_are_those_that_are_baked() {
         assert_eq!(cache.counts(), CacheCounts { read: 2 * count + 2, written: 0 });
         assert_eq!(cache.problem(), None);
     }
+}
+
+#[test]
+fn textures_from_the_cache_are_those_that_are_made() {
+    let folder = Folder::new("cache-textures");
+    let cache = cache(&folder);
+    let scene = small_scene();
+    let with = |contrast: f64| Scene { blend: scene::Blend { material_contrast: contrast, ..scene.blend.clone() }, ..scene.clone() };
+    let mut layers = 0;
+    for (scene, size) in [(with(1.0), 64), (with(1.0), 128), (with(1.5), 64)] {
+        let expected = Palette::sketch(&scene, size, 64.0, |_| Ok(())).expect("procedural textures");
+        let before = cache.counts();
+        for is_first in [true, false] {
+            let found = Palette::kept(&scene, size, 64.0, Some(&cache), |_| Ok(())).expect("procedural textures");
+            assert!(
+                found.arrays == expected.arrays && found.entries == expected.entries && found.means == expected.means,
+                "{size}, {is_first}"
+            );
+        }
+        layers = expected.arrays.albedo.len();
+        assert_eq!(cache.counts(), CacheCounts { read: before.read + layers, written: before.written + layers });
+    }
+    assert!(layers > 1 && entries(&cache).len() == 3 * layers, "{layers} layers");
+    assert_eq!(cache.problem(), None);
 }
 
 #[test]
@@ -208,8 +233,8 @@ fn the_oldest_entries_go_when_the_cache_is_full() {
     let folder = Folder::new("cache-full");
     let scene = small_scene();
     let (means, limit) = (means(&scene), 3_000_000);
-    let cache = Arc::new(NodeCache::new(folder.0.join("cache"), limit));
-    let size = |cache: &NodeCache| entries(cache).iter().map(|entry| fs::metadata(entry).expect("readable").len()).sum::<u64>();
+    let cache = Arc::new(Cache::new(folder.0.join("cache"), limit));
+    let size = |cache: &Cache| entries(cache).iter().map(|entry| fs::metadata(entry).expect("readable").len()).sum::<u64>();
     let last = NodeId { lod: 5, x: 4, y: 2 };
     // Old files that the cache did not write, and one that was left behind by a process that was killed.
     let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
@@ -262,7 +287,7 @@ fn a_folder_that_cannot_be_written_is_named_and_costs_only_time() {
     let arguments = ["render", "--camera", "cliff", "--size", "16x16", "--out", &folder.path("picture.png")];
     let output = Command::new(fixtures::program()).args(arguments).env("SCREE_CACHE", folder.path("cache")).output().expect("starts");
     let stderr = String::from_utf8_lossy(&output.stderr);
-    let notes = stderr.lines().filter(|line| line.starts_with("note: baked nodes are not kept"));
+    let notes = stderr.lines().filter(|line| line.starts_with("note: nodes and textures are not kept"));
     assert!(output.status.success() && notes.count() == 1, "{stderr}");
     assert_eq!(cache.counts(), CacheCounts::default());
 }
@@ -276,7 +301,7 @@ fn several_processes_can_share_a_cache() {
     std::thread::scope(|scope| {
         // Each thread has its own cache, so they share nothing but the folder. The small limit lets them remove each other's entries.
         let user = |limit: u64| {
-            let cache = Arc::new(NodeCache::new(folder.0.join("cache"), limit));
+            let cache = Arc::new(Cache::new(folder.0.join("cache"), limit));
             let is_same = (0..4).all(|_| bake(&scene, &means, Some(&cache), &NODES[2..]) == expected);
             (is_same, cache.problem().map(str::to_owned))
         };

@@ -24,7 +24,7 @@ mod settings;
 use std::panic;
 use std::process::ExitCode;
 
-use kernels::world::NodeCache;
+use kernels::base::cache::Cache;
 
 use crate::cli::Cli;
 
@@ -37,7 +37,7 @@ pub fn main() -> ExitCode {
     });
     match outcome {
         Ok(Ok(())) => {
-            if let Some(problem) = NodeCache::of_user().as_deref().and_then(NodeCache::problem) {
+            if let Some(problem) = Cache::of_user().as_deref().and_then(Cache::problem) {
                 eprintln!("note: {problem}");
             }
             ExitCode::SUCCESS

@@ -1,6 +1,6 @@
 //! `bench`: measures times on the built-in world, and counts the patches that culling removes on a flight of 10 km. Prints ratios of times and the
 //! share of removed patches, each next to the target of the project. Then simulates streaming of terrain nodes on the same flight, and measures starts
-//! with an empty and a filled cache of nodes.
+//! with an empty and a filled cache.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -184,7 +184,7 @@ struct Found {
     all: Vec<Measured>,
     flown: Flight,
     streamed: Vec<Streamed>,
-    /// The times of starts with an empty and with a filled cache of nodes.
+    /// The times of starts with an empty and with a filled cache.
     starts: Samples,
 }
 

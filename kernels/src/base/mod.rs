@@ -1,6 +1,7 @@
 //! Helpers that every other module may use and that do not depend on terrain: errors, names, TOML documents, files, progress, colour, lists
 //! of numbers, and WGSL files with their dependencies.
 
+pub mod cache;
 pub mod colour;
 pub mod document;
 pub mod error;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::base::cache::Cache;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::base::section::{Section, mebibytes, row};
@@ -25,7 +26,7 @@ use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
 use crate::virtual_texture;
-use crate::world::{NodeCache, NodeId, PaletteMeans, World};
+use crate::world::{NodeId, PaletteMeans, World};
 
 mod arrive;
 mod drawn;
@@ -65,14 +66,14 @@ pub struct RendererOptions {
     /// Edge of the detail textures of a quick preview, texels. These textures are used until [`Renderer::take_palette`] sets textures of the size
     /// that the scene gives. `None` = no preview: from the start, the textures have the size that the scene gives. Only for editable renderers.
     pub sketch: Option<u32>,
-    /// Where baked nodes are kept for the next start; `None` = they are not kept.
-    pub cache: Option<Arc<NodeCache>>,
+    /// Where baked nodes and procedural textures are kept for the next start; `None` = they are not kept.
+    pub cache: Option<Arc<Cache>>,
 }
 
-/// No editing, no preview, and the cache of the user ([`NodeCache::of_user`]).
+/// No editing, no preview, and the cache of the user ([`Cache::of_user`]).
 impl Default for RendererOptions {
     fn default() -> Self {
-        RendererOptions { tile: classification::TILE, editable: false, sketch: None, cache: NodeCache::of_user() }
+        RendererOptions { tile: classification::TILE, editable: false, sketch: None, cache: Cache::of_user() }
     }
 }
 
@@ -148,7 +149,7 @@ impl<'a> Renderer<'a> {
         FrameSettings { tile: options.tile, ..FrameSettings::default() }.check().map_err(|wrong| Error::Request(wrong.to_string()))?;
         let demands = demands_on(gpu, scene);
         let size = options.sketch.unwrap_or(scene.detail_size);
-        let palette = Palette::sketch(scene, size, world.layout().sector_m, edit::on_texture(progress))?;
+        let palette = Palette::kept(scene, size, world.layout().sector_m, options.cache.as_deref(), edit::on_texture(progress))?;
         let streaming = Streaming::new(gpu, demands.colour_modulation, options.editable);
         let terrain = Terrain::new(gpu, &streaming, &palette, demands.anisotropy);
         progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
@@ -187,6 +188,11 @@ impl<'a> Renderer<'a> {
     /// The world that is drawn.
     pub fn world(&self) -> &Arc<World> {
         &self.world
+    }
+
+    /// Where baked nodes and procedural textures are kept; `None` = they are not kept.
+    pub fn cache(&self) -> Option<&Arc<Cache>> {
+        self.options.cache.as_ref()
     }
 
     /// The scene that is drawn.
@@ -398,7 +404,7 @@ impl<'a> Renderer<'a> {
                     row("Memory of the atlases", mebibytes(atlas.bytes)),
                 ]
                 .into_iter()
-                .chain(is_stopped.then(|| row("Nodes are not kept on disk", "set SCREE_CACHE to another folder")))
+                .chain(is_stopped.then(|| row("Nothing is kept on disk", "set SCREE_CACHE to another folder")))
                 .collect(),
             },
         ];

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use crate::base::cache::{Cache, Key};
 use crate::base::error::{Error, Result};
 use crate::scene::{Material, Scene};
 use crate::shared::layers::LAYERS;
@@ -17,6 +18,8 @@ use crate::shared::layers::LAYERS;
 pub mod arrays;
 pub mod folder;
 pub mod procedural;
+
+mod stored;
 
 pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 
@@ -189,6 +192,14 @@ impl Source {
             _ => Err(wrong(&material.name, "give exactly one of `procedural` and `folder`".to_owned())),
         }
     }
+
+    /// The key of the texture in the cache; `None` = the texture is not kept, because its image files may change.
+    fn key(&self, size: u32, contrast: f64) -> Option<Key> {
+        match self {
+            Source::Procedural(kind) => Some(Key::of("texture", (kind, TEXTURE_SEED, size, contrast.to_bits()))),
+            Source::Folder(_) => None,
+        }
+    }
 }
 
 fn wrong(name: &str, what: String) -> Error {
@@ -207,7 +218,21 @@ impl Palette {
     /// `detail_size` that is not a power of two in 64..=2048; an unknown procedural name; a material with both or neither of `procedural` and
     /// `folder`; and the errors of [`check_repeats`] and [`folder::load`].
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
-        Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
+        Palette::made(scene, scene.detail_size, sector_m, [None, None], None, &progress)
+    }
+
+    /// Does the same as [`Palette::sketch`], but reads procedural textures from `cache`, and adds those that it lacks.
+    ///
+    /// # Errors
+    /// The same errors as [`Palette::build`].
+    pub fn kept(
+        scene: &Scene,
+        size: u32,
+        sector_m: f64,
+        cache: Option<&Cache>,
+        progress: impl Fn(&str) -> Result<()> + Sync,
+    ) -> Result<Palette> {
+        Palette::made(scene, size, sector_m, [None, None], cache, &progress)
     }
 
     /// Does the same as [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. With small
@@ -216,7 +241,7 @@ impl Palette {
     /// # Errors
     /// The same errors as [`Palette::build`].
     pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
-        Palette::made(scene, size, sector_m, [None, None], &progress)
+        Palette::made(scene, size, sector_m, [None, None], None, &progress)
     }
 
     /// Does the same as [`Palette::build`], but copies every texture that this palette or the palette `former` already contains with the same
@@ -231,7 +256,7 @@ impl Palette {
         sector_m: f64,
         progress: impl Fn(&str) -> Result<()> + Sync,
     ) -> Result<Palette> {
-        Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
+        Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], None, &progress)
     }
 
     /// Returns the indices of the layers whose source, material contrast or means differ from those of the same layer of `before`; `None` if the
@@ -246,6 +271,7 @@ impl Palette {
         size: u32,
         sector_m: f64,
         before: [Option<&Palette>; 2],
+        cache: Option<&Cache>,
         progress: &(dyn Fn(&str) -> Result<()> + Sync),
     ) -> Result<Palette> {
         let of_scene = |what: String| Error::Scene { where_: scene.name.clone(), what };
@@ -295,6 +321,11 @@ impl Palette {
                     if let Some(known) = known(source) {
                         return Ok(known);
                     }
+                    let kept = cache.and_then(|cache| Some((cache, source.key(size, contrast)?)));
+                    let read = |(cache, key): (&Cache, Key)| stored::from_bytes(size, &cache.read(key, &size.to_string())?);
+                    if let Some((layers, means)) = kept.and_then(read) {
+                        return Ok((layers, Texture { source: source.clone(), contrast, means }));
+                    }
                     progress(&format!("detail texture {} of {total}: {name}", begun.fetch_add(1, Ordering::Relaxed) + 1))?;
                     let mut maps = match source {
                         Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
@@ -302,7 +333,11 @@ impl Palette {
                     };
                     set_contrast(&mut maps, contrast);
                     let texture = Texture { source: source.clone(), contrast, means: TextureMeans::of(&maps) };
-                    Ok((arrays::compress(&maps), texture))
+                    let layers = arrays::compress(&maps);
+                    if let Some((cache, key)) = kept {
+                        cache.write(key, &size.to_string(), &stored::to_bytes(&layers, &texture.means));
+                    }
+                    Ok((layers, texture))
                 })
                 .collect::<Result<_>>()?;
             for (layer, texture) in done {

@@ -16,21 +16,19 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec2;
 use rayon::prelude::*;
 
+use crate::base::cache::{self, Cache, Key};
 use crate::base::error::{Error, Result};
 use crate::scene::{self, Hole, Scene};
 use crate::shared::hash;
 
-pub mod cache;
 pub mod cones;
 pub mod generator;
 pub mod payload;
 pub mod rules;
 
-pub use cache::NodeCache;
 pub use payload::{Cover, Ground, NodePayload, PaletteMeans};
 
 use crate::decode::heightmap::{self, Heightmap};
-use cache::Key;
 use generator::Generator;
 use rules::Rules;
 
@@ -177,15 +175,15 @@ pub struct World {
     /// numbers have the same order as the numbers, so an atomic maximum of the bits is the maximum of the angles.
     reached_deg: AtomicU64,
     /// Where baked nodes are kept; `None` = they are not kept.
-    cache: Option<Arc<NodeCache>>,
-    /// The key of this world's grounds in the cache of nodes. It is computed when it is first needed, because all samples of a heightmap are hashed.
+    cache: Option<Arc<Cache>>,
+    /// The key of this world's grounds in the cache. It is computed when it is first needed, because all samples of a heightmap are hashed.
     ground_key: OnceLock<Key>,
     /// The key of the parts of a payload that do not depend on the palette. Worlds that [`World::laid_by`] returned have none: an edited scene has a new
     /// state for every move of a slider, so payloads of these states would fill the cache.
     cover_key: Option<OnceLock<Key>>,
 }
 
-/// The keys of a world's entries in the cache of nodes.
+/// The keys of a world's entries in the cache.
 #[derive(Clone, Copy)]
 struct Keys {
     ground: Key,
@@ -280,7 +278,7 @@ impl World {
 
     /// Returns this world with a cache of nodes: [`World::bake_many`] reads nodes from it, and adds those that it lacks.
     #[must_use]
-    pub fn with_cache(self, cache: Option<Arc<NodeCache>>) -> World {
+    pub fn with_cache(self, cache: Option<Arc<Cache>>) -> World {
         World { cache, ..self }
     }
 
@@ -489,7 +487,7 @@ impl World {
         [0.35, 0.0, -0.35].map(|shift| (0.5 + self.colour_modulation * (light + shift * hue)).clamp(0.0, 1.0))
     }
 
-    /// Makes the payload of a node. Does not use the cache of nodes.
+    /// Makes the payload of a node. Does not use the cache.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
@@ -498,9 +496,9 @@ impl World {
         self.dress(&ground, &self.cover(&ground), palette)
     }
 
-    /// Makes a node, or reads it from the cache of nodes.
-    fn make(&self, node: NodeId, palette: &PaletteMeans, cached: Option<(&NodeCache, Keys)>, keeps_ground: bool) -> Baked {
-        let read = |(cache, keys): (&NodeCache, Keys)| payload::from_bytes(node, &cache.read(keys.payload?, node)?);
+    /// Makes a node, or reads it from the cache.
+    fn make(&self, node: NodeId, palette: &PaletteMeans, cached: Option<(&Cache, Keys)>, keeps_ground: bool) -> Baked {
+        let read = |(cache, keys): (&Cache, Keys)| payload::from_bytes(node, &cache.read(keys.payload?, &name_of(node))?);
         if let Some((payload, cover)) = cached.and_then(read) {
             return Baked { payload, ground: keeps_ground.then(|| self.ground(node, cached)), cover };
         }
@@ -508,23 +506,23 @@ impl World {
         let cover = self.cover(&ground);
         let payload = self.dress(&ground, &cover, palette);
         if let Some((cache, Keys { payload: Some(key), .. })) = cached {
-            cache.write(key, node, &payload::to_bytes(&payload, &cover));
+            cache.write(key, &name_of(node), &payload::to_bytes(&payload, &cover));
         }
         Baked { payload, ground: keeps_ground.then_some(ground), cover }
     }
 
-    /// Makes the ground of a node, or reads it from the cache of nodes.
-    fn ground(&self, node: NodeId, cached: Option<(&NodeCache, Keys)>) -> Ground {
+    /// Makes the ground of a node, or reads it from the cache.
+    fn ground(&self, node: NodeId, cached: Option<(&Cache, Keys)>) -> Ground {
         let Some((cache, keys)) = cached else { return Ground::of(self, node) };
-        let read = || Ground::from_bytes(self, node, &cache.read(keys.ground, node)?);
+        let read = || Ground::from_bytes(self, node, &cache.read(keys.ground, &name_of(node))?);
         read().unwrap_or_else(|| {
             let ground = Ground::of(self, node);
-            cache.write(keys.ground, node, &ground.to_bytes());
+            cache.write(keys.ground, &name_of(node), &ground.to_bytes());
             ground
         })
     }
 
-    /// The keys of entries in the cache of nodes: hashes of all fields of this world that have an effect on the entries.
+    /// The keys of entries in the cache: hashes of all fields of this world that have an effect on the entries.
     fn keys(&self, palette: &PaletteMeans) -> Keys {
         let ground = *self.ground_key.get_or_init(|| {
             let shape = (&self.layout, self.height_range_m, self.half_extent_m, self.footprint_m);
@@ -578,7 +576,7 @@ impl World {
         }
     }
 
-    /// Makes many nodes on rayon's worker threads, or reads them from the cache of nodes. Returns them in the order of `nodes`. The result does not
+    /// Makes many nodes on rayon's worker threads, or reads them from the cache. Returns them in the order of `nodes`. The result does not
     /// depend on the number of threads or on the cache. `keeps_ground`: whether the results include the ground. `on_done` is called once per finished
     /// node, in any order.
     ///
@@ -645,6 +643,11 @@ impl World {
         let (dx, dy) = (self.height_m(x + step, y) - h, self.height_m(x, y + step) - h);
         (dx * dx + dy * dy).sqrt() / step
     }
+}
+
+/// Name of the entries of a node in the cache.
+fn name_of(node: NodeId) -> String {
+    format!("{}-{}-{}", node.lod, node.x, node.y)
 }
 
 /// Rounds `length_m` to a multiple of the vertex spacing `vertices_m` if the two differ only by a rounding error; otherwise returns `length_m`.

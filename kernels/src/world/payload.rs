@@ -95,7 +95,7 @@ const PARTS: [usize; 7] = [
     SPLAT_GRID_SIDE * SPLAT_GRID_SIDE,
 ];
 
-/// The bytes of a payload and its cover, for the cache of nodes.
+/// The bytes of a payload and its cover, for the cache.
 pub(super) fn to_bytes(payload: &NodePayload, cover: &Cover) -> Vec<u8> {
     let NodePayload { id: _, min_height: _, max_height: _, height, normal, albedo, colour_modulation, splat, cones } = payload;
     [bytemuck::cast_slice(height), normal, albedo, colour_modulation, splat, cones, cover].concat()
@@ -150,7 +150,7 @@ impl Ground {
         self.id
     }
 
-    /// The bytes of the ground, for the cache of nodes.
+    /// The bytes of the ground, for the cache.
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         [&self.grid.heights, &self.source, self.relief.values.as_flattened()].map(bytemuck::cast_slice::<f64, u8>).concat()
     }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
+use kernels::base::cache::Cache;
 use kernels::base::error::{Error, Result};
 use kernels::base::progress::Progress;
 use kernels::frame::picture::AovSet;
@@ -29,6 +30,8 @@ pub struct Sketch {
     /// The scene for which the textures are made.
     scene: Scene,
     sector_m: f64,
+    /// Where the textures are kept.
+    cache: Option<Arc<Cache>>,
     /// Receives the finished textures; `None` = making them has not begun.
     finished: Option<Receiver<Result<Palette>>>,
     /// Whether the textures are no longer needed.
@@ -39,13 +42,15 @@ impl Sketch {
     /// The sketch for the scene of a renderer; `None` = the renderer already has the full textures of the scene.
     pub fn of(renderer: &Renderer<'_>) -> Option<Sketch> {
         let sector_m = renderer.world().layout().sector_m;
-        renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None, abandoned: Arc::default() })
+        let cache = renderer.cache().cloned();
+        renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, cache, finished: None, abandoned: Arc::default() })
     }
 
     /// Begins to make the textures, unless this function was called before. Making them uses all cores, so call this function after the first
     /// picture. A separate thread pool is used, if one can be made, because drawing uses the global thread pool at the same time.
     pub fn begin(&mut self, tell: &Tell) {
-        let (scene, sector_m, tell, abandoned) = (self.scene.clone(), self.sector_m, tell.clone(), self.abandoned.clone());
+        let (scene, sector_m, cache) = (self.scene.clone(), self.sector_m, self.cache.clone());
+        let (tell, abandoned) = (tell.clone(), self.abandoned.clone());
         self.finished.get_or_insert_with(|| {
             let (sender, finished) = channel();
             std::thread::spawn(move || {
@@ -56,7 +61,7 @@ impl Sketch {
                     tell(Progress { stage: name.to_owned(), done: 0, total: 0 });
                     Ok(())
                 };
-                let build = || Palette::build(&scene, sector_m, progress);
+                let build = || Palette::kept(&scene, scene.detail_size, sector_m, cache.as_deref(), progress);
                 let palette = match rayon::ThreadPoolBuilder::new().build() {
                     Ok(workers) => workers.install(build),
                     Err(_) => build(),

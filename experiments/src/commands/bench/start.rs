@@ -1,15 +1,15 @@
-//! The starts of `bench`: the time from a scene to its first picture, with an empty cache of nodes and with a cache that has the nodes.
+//! The starts of `bench`: the time from a scene to its first picture, with an empty cache of nodes and textures and with a filled one.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
+use kernels::base::cache::Cache;
 use kernels::frame::{RenderRequest, Renderer, RendererOptions};
 use kernels::gpu::Gpu;
 use kernels::scene::Scene;
 use kernels::view::camera::Pose;
-use kernels::world::NodeCache;
 
 use crate::cli::BenchArgs;
 use crate::process::check_interrupted;
@@ -22,7 +22,7 @@ pub(super) const TARGET: &str = "at most 0.5";
 
 /// The measured time: world, textures, shaders, nodes and the first picture.
 const START: &str = "start (wall clock)";
-/// The candidate whose cache has the nodes.
+/// The candidate whose cache is filled.
 const WARM: usize = 0;
 /// The candidate whose cache is empty.
 const COLD: usize = 1;
@@ -52,7 +52,7 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene, args: &BenchArgs, step: &dyn Fn(
         check_interrupted()?;
         let name = if turn.candidate == WARM { "warm".to_owned() } else { format!("cold-{}", turn.round) };
         let place = folder.0.join(name);
-        let cache = Arc::new(NodeCache::new(place.clone(), u64::MAX));
+        let cache = Arc::new(Cache::new(place.clone(), u64::MAX));
         let began = Instant::now();
         let mut renderer = Renderer::with(gpu, scene, RendererOptions { cache: Some(cache), ..RendererOptions::default() }, &|_| {})?;
         let pose = Pose::of(&scene.cameras[0], |x, y| renderer.ground_m(x, y));
@@ -74,7 +74,7 @@ pub(super) fn ratio(samples: &Samples) -> Option<Estimate> {
 pub(super) fn text(samples: &Samples) -> String {
     let seconds = |candidate: usize| samples.time((candidate, START)).map_or(0.0, |time| time.value / 1e3);
     format!(
-        "start, from a scene to its first picture: {:.1} s with an empty cache of nodes, {:.1} s with a filled one\n  {:<46} {:>24}   target: \
+        "start, from a scene to its first picture: {:.1} s with an empty cache, {:.1} s with a filled one\n  {:<46} {:>24}   target: \
          {TARGET}\n",
         seconds(COLD),
         seconds(WARM),
