@@ -149,13 +149,14 @@ pub(crate) struct BenchArgs {
     /// Smallest number of timed rounds; the median over the rounds is used. With fewer than 6 rounds, there is no 95 % interval
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeats: u32,
-    /// Seconds after which no further round begins. The budget applies separately to each camera, and to times of passes and of the wall clock
+    /// Seconds after which no further round begins. The budget applies separately to each camera, to times of passes and of the wall clock, and to
+    /// starts
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, allow_hyphen_values = true, value_parser = budget)]
     pub(crate) budget: f64,
-    /// CSV file that receives the medians of the times and of their ratios, and the share of culled patches
+    /// CSV file that receives the medians of the times and of their ratios, the share of culled patches, and the ratio of starts
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
-    /// Print the ratios by camera and name, the counts of culled patches and the results of simulated streaming as JSON
+    /// Print the ratios by camera and name, the counts of culled patches, the results of simulated streaming and the ratio of starts as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
